@@ -1,0 +1,135 @@
+"""V2V channels: what becomes of the predecessor's acceleration on its way (paper, section III-A).
+
+A channel multiplies a_{i-1} by w. The bit channel draws w from n binary random variables,
+w = (1 - 1/rho) + (1/rho) sum_j z_j 2^-j, keyed by (seed, link, sample) and never by arrival.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+STREAM_VERSION = 1
+BLOCK = 8192
+"""Draws per keyed block; part of the stream's definition together with STREAM_VERSION."""
+
+MAX_BITS = 32
+
+
+class Channel(Protocol):
+    """The noise factors of one link; replace it to study another channel."""
+
+    def factors(self, start: int, stop: int) -> npt.NDArray[np.float64]:
+        """Return w for the samples start..stop-1, shape (stop - start,)."""
+        ...
+
+
+def expected_factor(rho: float, bit_probabilities: Sequence[float]) -> float:
+    """Return E[w] for the signal-to-noise ratio rho > 1 and the probabilities of z_j = 1.
+
+    Examples
+    --------
+    >>> expected_factor(5.0, [0.5, 0.5])
+    0.9500000000000001
+    """
+    total = sum(p * 2.0**-j for j, p in enumerate(bit_probabilities))
+    return (1.0 - 1.0 / rho) + total / rho
+
+
+def factor_variance(rho: float, bit_probabilities: Sequence[float]) -> float:
+    """Return Var[w] = (1/rho^2) sum_j p_j (1 - p_j) / 4^j."""
+    return sum(p * (1.0 - p) * 4.0**-j for j, p in enumerate(bit_probabilities)) / rho**2
+
+
+class BitChannel:
+    """The n-bit channel of equation (5): random w, redrawn every `hold` samples.
+
+    Parameters
+    ----------
+    rho : float
+        Linear signal-to-noise ratio, > 1; w stays in [1 - 1/rho, 1 + 1/rho].
+    bit_probabilities : sequence of float, length n <= 32
+        P(z_j = 1), most significant bit first.
+    seed : int
+        Seed of the run.
+    link : int
+        Index i of the receiving vehicle; links are independent of each other.
+    hold : int, optional
+        Samples for which one draw is held; 1 redraws at every sample.
+
+    Examples
+    --------
+    >>> channel = BitChannel(5.0, [0.5] * 16, seed=1, link=2)
+    >>> bool((channel.factors(10, 20) == channel.factors(0, 30)[10:20]).all())
+    True
+    """
+
+    def __init__(
+        self, rho: float, bit_probabilities: Sequence[float], seed: int, link: int, hold: int = 1
+    ) -> None:
+        self._floor, self._rho = 1.0 - 1.0 / rho, rho
+        self._seed, self._link, self._hold = seed, link, hold
+        bits = len(bit_probabilities)
+        chances = np.reshape(bit_probabilities, (bits, 1))
+        self._thresholds = np.rint(chances * 2.0**32).clip(0, 2.0**32 - 1).astype(np.uint32)
+        self._scale = 2.0 ** (bits - 1)
+
+    def factors(self, start: int, stop: int) -> npt.NDArray[np.float64]:
+        """Return w for the samples start..stop-1, shape (stop - start,)."""
+        first, last = start // self._hold, -(-stop // self._hold)
+        draws = np.empty(last - first)
+        for block in range(first // BLOCK, -(-last // BLOCK)):
+            begin, end = max(first, block * BLOCK), min(last, (block + 1) * BLOCK)
+            values = self._draw(block)
+            draws[begin - first : end - first] = values[begin - block * BLOCK : end - block * BLOCK]
+        if self._hold == 1:
+            return draws
+        offset = start - first * self._hold
+        return np.repeat(draws, self._hold)[offset : offset + stop - start]
+
+    def _draw(self, block: int) -> npt.NDArray[np.float64]:
+        key = np.random.SeedSequence(self._seed, spawn_key=(STREAM_VERSION, self._link, block))
+        words = np.random.SFC64(key).random_raw(BLOCK * len(self._thresholds) // 2)
+        uniform = words.astype("<u8", copy=False).view("<u4").reshape(-1, BLOCK)
+        code = np.zeros(BLOCK, np.uint32)
+        for bit in uniform < self._thresholds:
+            code <<= 1
+            code |= bit
+        return self._floor + code / (self._scale * self._rho)
+
+
+class ConstantChannel:
+    """A channel that scales by one constant: w = E[w] (the mean system) or w = 1 (no noise)."""
+
+    def __init__(self, factor: float) -> None:
+        self.factor = factor
+
+    def factors(self, start: int, stop: int) -> npt.NDArray[np.float64]:
+        """Return the constant for the samples start..stop-1, shape (stop - start,)."""
+        return np.full(stop - start, self.factor)
+
+
+class FactorStream:
+    """Sample-by-sample access to a channel, fetched a block at a time.
+
+    Examples
+    --------
+    >>> FactorStream(ConstantChannel(1.05)).at(7)
+    1.05
+    """
+
+    def __init__(self, channel: Channel) -> None:
+        self._channel = channel
+        self._start, self._values = 0, list[float]()
+
+    def at(self, sample: int) -> float:
+        """Return w of one sample."""
+        offset = sample - self._start
+        if not 0 <= offset < len(self._values):
+            self._start = sample - sample % BLOCK
+            self._values = self._channel.factors(self._start, self._start + BLOCK).tolist()
+            offset = sample - self._start
+        return self._values[offset]

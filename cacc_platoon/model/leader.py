@@ -1,0 +1,174 @@
+"""Leader profiles: position, velocity and acceleration as exact functions of time."""
+
+from __future__ import annotations
+
+import csv
+import math
+from bisect import bisect_right
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from cacc_platoon.errors import UserError
+from cacc_platoon.model.vehicle import State
+
+
+class LeaderProfile(Protocol):
+    """The motion of vehicle 0; replace it to study another disturbance."""
+
+    def at(self, time: float) -> State:
+        """Return the leader's state at `time` [s] >= 0."""
+        ...
+
+
+class SinePulse:
+    """The paper's disturbance: one full sine of acceleration, a_0 = A sin(Omega (t - start)).
+
+    The leader gains 2 A / Omega of speed, gives it back, and ends 2 pi A / Omega^2 further on.
+
+    Parameters
+    ----------
+    velocity : float
+        Speed before and after [m/s].
+    amplitude : float
+        A [m/s^2].
+    angular_frequency : float
+        Omega [rad/s].
+    start : float
+        Time at which the pulse begins [s].
+    """
+
+    def __init__(
+        self, velocity: float, amplitude: float, angular_frequency: float, start: float
+    ) -> None:
+        self._velocity, self._amplitude = velocity, amplitude
+        self._omega, self._start = angular_frequency, start
+
+    def at(self, time: float) -> State:
+        """Return the leader's state at `time` [s]."""
+        omega = self._omega
+        speed_gain = self._amplitude / omega
+        elapsed = min(max(time - self._start, 0.0), 2.0 * math.pi / omega)
+        if elapsed in (0.0, 2.0 * math.pi / omega):
+            travel = speed_gain * elapsed
+            return State(self._velocity * time + travel, self._velocity, 0.0)
+        phase = omega * elapsed
+        return State(
+            self._velocity * time + speed_gain * (elapsed - math.sin(phase) / omega),
+            self._velocity + speed_gain * (1.0 - math.cos(phase)),
+            self._amplitude * math.sin(phase),
+        )
+
+
+class PiecewiseConstantAcceleration:
+    """Constant acceleration between given times, constant speed before the first.
+
+    Parameters
+    ----------
+    velocity : float
+        Speed at time 0 [m/s].
+    times : sequence of float
+        Increasing times >= 0 [s] at which the acceleration changes.
+    accelerations : sequence of float, as long as `times`
+        Acceleration [m/s^2] from each of these times on.
+
+    Examples
+    --------
+    >>> brake = PiecewiseConstantAcceleration(25.0, [10.0, 15.0], [-5.0, 0.0])
+    >>> brake.at(20.0)
+    State(position=312.5, velocity=0.0, acceleration=0.0)
+    """
+
+    def __init__(
+        self, velocity: float, times: Sequence[float], accelerations: Sequence[float]
+    ) -> None:
+        self._times = [0.0, *times]
+        self._accelerations = [0.0, *accelerations]
+        self._knots = [State(0.0, velocity, 0.0)]
+        for index, end in enumerate(self._times[1:]):
+            self._knots.append(self._advance(index, end))
+
+    def at(self, time: float) -> State:
+        """Return the leader's state at `time` [s] >= 0."""
+        return self._advance(bisect_right(self._times, time) - 1, time)
+
+    def _advance(self, index: int, time: float) -> State:
+        position, velocity, _ = self._knots[index]
+        acceleration = self._accelerations[index]
+        elapsed = time - self._times[index]
+        return State(
+            position + (velocity + 0.5 * acceleration * elapsed) * elapsed,
+            velocity + acceleration * elapsed,
+            acceleration,
+        )
+
+
+def step_profile(
+    velocity: float, acceleration: float, start: float, hold: float
+) -> PiecewiseConstantAcceleration:
+    """Return a step of `acceleration` [m/s^2] from `start` [s] for `hold` [s]."""
+    return PiecewiseConstantAcceleration(velocity, [start, start + hold], [acceleration, 0.0])
+
+
+def brake_profile(
+    velocity: float, deceleration: float, start: float, final_velocity: float
+) -> PiecewiseConstantAcceleration:
+    """Return braking at `deceleration` [m/s^2] from `start` [s] down to `final_velocity` [m/s]."""
+    hold = (velocity - final_velocity) / deceleration
+    return step_profile(velocity, -deceleration, start, hold)
+
+
+def read_speed_profile(path: Path) -> tuple[float, PiecewiseConstantAcceleration]:
+    """Read a CSV file of time [s] and speed [m/s], linear in between, constant after the last.
+
+    Returns
+    -------
+    tuple of float and PiecewiseConstantAcceleration
+        The speed at time 0 and the profile.
+
+    Raises
+    ------
+    UserError
+        When the file has no such table; the line names the row and the rule.
+    """
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            rows = [row for row in csv.reader(file) if row and not row[0].lstrip().startswith("#")]
+    except (OSError, UnicodeDecodeError) as error:
+        raise UserError(f"{path}: cannot be read as CSV: {error}") from error
+    table: list[tuple[float, float]] = []
+    for number, row in enumerate(rows, start=1):
+        try:
+            time, speed = (float(cell) for cell in row)
+        except ValueError:
+            if number == 1:
+                continue
+            raise _bad_row(path, number, row, "is not a time [s] and a speed [m/s]") from None
+        if not (math.isfinite(time) and math.isfinite(speed)):
+            raise _bad_row(path, number, row, "is not finite")
+        if table and time <= table[-1][0]:
+            raise _bad_row(path, number, row, f"does not come after time {table[-1][0]:g} s")
+        table.append((time, speed))
+    if len(table) < 2 or table[0][0] != 0.0:
+        raise UserError(
+            f"{path}: a speed profile needs two rows or more, the first at time 0 s. "
+            "Give columns time [s], speed [m/s]."
+        )
+    times, speeds = zip(*table, strict=True)
+    slopes = [
+        (speeds[i + 1] - speeds[i]) / (times[i + 1] - times[i]) for i in range(len(times) - 1)
+    ]
+    profile = PiecewiseConstantAcceleration(speeds[0], times, [*slopes, 0.0])
+    return speeds[0], profile
+
+
+def _bad_row(path: Path, number: int, row: list[str], why: str) -> UserError:
+    return UserError(f"{path}: row {number} ({','.join(row)}) {why}. Correct the row.")
+
+
+def sample_profile(profile: LeaderProfile, step: float, samples: int) -> npt.NDArray[np.float64]:
+    """Return position, velocity and acceleration at k T, shape (3, samples)."""
+    return np.array([profile.at(k * step) for k in range(samples)]).T
