@@ -16,6 +16,7 @@ from cacc_platoon.model.leader import (
     brake_profile,
     read_speed_profile,
     sample_profile,
+    speed_profile,
     step_profile,
 )
 from cacc_platoon.model.vehicle import State, ThirdOrderPlant
@@ -38,5 +39,6 @@ __all__ = [
     "factor_variance",
     "read_speed_profile",
     "sample_profile",
+    "speed_profile",
     "step_profile",
 ]

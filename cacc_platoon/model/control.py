@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol, TypeVar
+from typing import NamedTuple, Protocol
 
-import numpy as np
-import numpy.typing as npt
-
-Value = TypeVar("Value", float, npt.NDArray[np.float64])
+from cacc_platoon.model.vehicle import Value
 
 
 class Gains(NamedTuple):

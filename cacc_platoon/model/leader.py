@@ -19,7 +19,7 @@ from cacc_platoon.model.vehicle import State
 class LeaderProfile(Protocol):
     """The motion of vehicle 0; replace it to study another disturbance."""
 
-    def at(self, time: float) -> State:
+    def at(self, time: float) -> State[float]:
         """Return the leader's state at `time` [s] >= 0."""
         ...
 
@@ -47,7 +47,7 @@ class SinePulse:
         self._velocity, self._amplitude = velocity, amplitude
         self._omega, self._start = angular_frequency, start
 
-    def at(self, time: float) -> State:
+    def at(self, time: float) -> State[float]:
         """Return the leader's state at `time` [s]."""
         omega = self._omega
         speed_gain = self._amplitude / omega
@@ -91,11 +91,11 @@ class PiecewiseConstantAcceleration:
         for index, end in enumerate(self._times[1:]):
             self._knots.append(self._advance(index, end))
 
-    def at(self, time: float) -> State:
+    def at(self, time: float) -> State[float]:
         """Return the leader's state at `time` [s] >= 0."""
         return self._advance(bisect_right(self._times, time) - 1, time)
 
-    def _advance(self, index: int, time: float) -> State:
+    def _advance(self, index: int, time: float) -> State[float]:
         position, velocity, _ = self._knots[index]
         acceleration = self._accelerations[index]
         elapsed = time - self._times[index]
@@ -121,13 +121,16 @@ def brake_profile(
     return step_profile(velocity, -deceleration, start, hold)
 
 
-def read_speed_profile(path: Path) -> tuple[float, PiecewiseConstantAcceleration]:
-    """Read a CSV file of time [s] and speed [m/s], linear in between, constant after the last.
+def speed_profile(times: Sequence[float], speeds: Sequence[float]) -> PiecewiseConstantAcceleration:
+    """Return the motion whose speed is linear between `times` [s] and constant after the last."""
+    slopes = [
+        (speeds[i + 1] - speeds[i]) / (times[i + 1] - times[i]) for i in range(len(times) - 1)
+    ]
+    return PiecewiseConstantAcceleration(speeds[0], times, [*slopes, 0.0])
 
-    Returns
-    -------
-    tuple of float and PiecewiseConstantAcceleration
-        The speed at time 0 and the profile.
+
+def read_speed_profile(path: Path) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Read times [s] and speeds [m/s] from a CSV file, with or without a heading.
 
     Raises
     ------
@@ -158,11 +161,7 @@ def read_speed_profile(path: Path) -> tuple[float, PiecewiseConstantAcceleration
             "Give columns time [s], speed [m/s]."
         )
     times, speeds = zip(*table, strict=True)
-    slopes = [
-        (speeds[i + 1] - speeds[i]) / (times[i + 1] - times[i]) for i in range(len(times) - 1)
-    ]
-    profile = PiecewiseConstantAcceleration(speeds[0], times, [*slopes, 0.0])
-    return speeds[0], profile
+    return times, speeds
 
 
 def _bad_row(path: Path, number: int, row: list[str], why: str) -> UserError:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple, TypeVar
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -11,12 +11,12 @@ import numpy.typing as npt
 Value = TypeVar("Value", float, npt.NDArray[np.float64])
 
 
-class State(NamedTuple):
+class State(NamedTuple, Generic[Value]):
     """Position [m], velocity [m/s] and acceleration [m/s^2] along the road; floats or arrays."""
 
-    position: float
-    velocity: float
-    acceleration: float
+    position: Value
+    velocity: Value
+    acceleration: Value
 
 
 class ThirdOrderPlant:
@@ -48,7 +48,7 @@ class ThirdOrderPlant:
             columns = np.array([_lag_coefficients(float(t), step) for t in np.asarray(tau)]).T
             self._decay, self._velocity_lag, self._position_lag = columns
 
-    def advance(self, state: State, command: Value) -> State:
+    def advance(self, state: State[Value], command: Value) -> State[Value]:
         """Return the state one step later under the constant `command` [m/s^2]."""
         position, velocity, acceleration = state
         step = self.step

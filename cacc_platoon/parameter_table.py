@@ -1,0 +1,174 @@
+"""The parameter table: each field is one parameter with its unit, default, range and meaning.
+
+ROS descriptors, scenario files, `--set`, the error lines and the README table are made from it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from cacc_platoon.parameters import Parameter, parameter, rows
+
+PAPER_BITS = (
+    *(0.8055, 0.5767, 0.1829, 0.2399, 0.8865, 0.0287, 0.4899, 0.1679),
+    *(0.9787, 0.7127, 0.5005, 0.4711, 0.0596, 0.6820, 0.0424, 0.0714),
+)
+
+
+@dataclass(frozen=True)
+class Platoon:
+    """Who drives, and how they begin."""
+
+    followers: int = parameter(
+        12, "-", "the number of vehicles behind the leader", at_least=1, at_most=500
+    )
+    standstill_distance: float = parameter(5.0, "m", "the spacing d at rest", at_least=0.0)
+    initial_speed: float = parameter(25.0, "m/s", "the speed in equilibrium at time 0")
+    namespace: str = parameter("/platoon", "-", "the prefix of every topic and node name")
+
+
+@dataclass(frozen=True)
+class Vehicle:
+    """The plant of a follower."""
+
+    tau: float | tuple[float, ...] = parameter(
+        0.5,
+        "s",
+        "the actuation lag tau, one value or one per follower",
+        above=0.0,
+        consequence="the plant would have no lag to integrate",
+    )
+    tau_max: float = parameter(
+        0.5, "s", "tau0, the largest lag the design must tolerate", above=0.0
+    )
+
+
+@dataclass(frozen=True)
+class Controller:
+    """The constant time headway policy."""
+
+    time_headway: float = parameter(
+        0.95,
+        "s",
+        "the time headway h_w",
+        above=0.0,
+        consequence="vehicles would close up as they speed up",
+    )
+    k_a: float = parameter(0.5, "-", "the gain on the received acceleration", at_least=0.0)
+    k_v: float = parameter(0.63, "1/s", "the gain on the velocity error", at_least=0.0)
+    k_p: float = parameter(
+        0.009,
+        "1/s^2",
+        "the gain on the spacing error",
+        above=0.0,
+        consequence="spacing errors would never be corrected",
+    )
+
+
+@dataclass(frozen=True)
+class V2V:
+    """The channel that carries the predecessor's acceleration."""
+
+    rho: float = parameter(
+        5.0,
+        "-",
+        "the linear signal-to-noise ratio",
+        above=1.0,
+        consequence="the noise could reverse the sign of the acceleration",
+    )
+    noise: str = parameter(
+        "bits",
+        "-",
+        "random bits, their expectation E[w], or no noise",
+        choices=("bits", "expected", "none"),
+    )
+    bit_probabilities: tuple[float, ...] = parameter(
+        PAPER_BITS,
+        "-",
+        "the probabilities that bit j is 1, most significant first",
+        above=0.0,
+        below=1.0,
+        consequence="a bit that never changes is no random variable",
+    )
+    hold: float = parameter(
+        0.0, "s", "the time one draw of the noise is held, 0 for every step", at_least=0.0
+    )
+
+
+@dataclass(frozen=True)
+class Leader:
+    """What vehicle 0 does."""
+
+    profile: str = parameter(
+        "sine",
+        "-",
+        "the leader's motion",
+        choices=("sine", "step", "brake", "constant", "csv"),
+    )
+    start: float = parameter(10.0, "s", "the time the disturbance begins", at_least=0.0)
+    amplitude: float = parameter(0.5, "m/s^2", "the peak acceleration of sine")
+    angular_frequency: float = parameter(0.1, "rad/s", "the frequency of sine", above=0.0)
+    acceleration: float = parameter(1.0, "m/s^2", "the acceleration of step")
+    hold: float = parameter(5.0, "s", "how long step accelerates", above=0.0)
+    deceleration: float = parameter(3.0, "m/s^2", "the deceleration of brake", above=0.0)
+    final_speed: float = parameter(0.0, "m/s", "the speed at which brake ends", at_least=0.0)
+    file: str = parameter("", "-", "the table of time [s], speed [m/s] that csv reads")
+    times: tuple[float, ...] = parameter((), "s", "the times of csv, read from file")
+    speeds: tuple[float, ...] = parameter((), "m/s", "the speeds of csv, read from file")
+
+
+@dataclass(frozen=True)
+class Run:
+    """How the run is carried out."""
+
+    step: float = parameter(0.01, "s", "the control period T", above=0.0, at_most=1.0)
+    duration: float = parameter(200.0, "s", "the simulated time", above=0.0)
+    seed: int = parameter(1, "-", "the seed of all noise", at_least=0)
+    real_time_factor: float = parameter(
+        0.0, "-", "the pace in simulated over wall time, 0 for as fast as possible", at_least=0.0
+    )
+    hosts: int | str = parameter(
+        "auto",
+        "-",
+        "the number of processes: auto (one per core), per_node or a number",
+        at_least=1,
+    )
+    spawn: bool = parameter(True, "-", "whether the supervisor starts the hosts itself")
+    window: int = parameter(
+        64, "samples", "how far the leader may be ahead of the slowest", at_least=1, at_most=1000
+    )
+    start_timeout: float = parameter(
+        30.0, "s", "how long to wait until every node is connected", above=0.0
+    )
+    stall_timeout: float = parameter(
+        10.0, "s", "how long no progress is taken for a pause", above=0.0
+    )
+
+
+@dataclass(frozen=True)
+class Record:
+    """Where the run goes, and what it holds besides pose, twist, accel and v2v/accel."""
+
+    directory: str = parameter("", "-", "the run folder, empty for runs/<scenario>-<UTC time>")
+    command: bool = parameter(False, "-", "whether vehicles publish u on command")
+    spacing_error: bool = parameter(False, "-", "whether vehicles publish delta and e")
+
+
+GROUPS: dict[str, type] = {
+    "platoon": Platoon,
+    "vehicle": Vehicle,
+    "controller": Controller,
+    "v2v": V2V,
+    "leader": Leader,
+    "run": Run,
+    "record": Record,
+}
+PER_VEHICLE = ("vehicle", "controller", "v2v")
+TABLE: dict[str, Parameter] = {
+    row.name: row
+    for group, owner in GROUPS.items()
+    for row in rows(group, owner, per_vehicle=group in PER_VEHICLE)
+}
+SNR_DB = Parameter(
+    "v2v.snr_db", "float", 13.979, "dB", "the signal-to-noise ratio, instead of v2v.rho", above=0.0
+)

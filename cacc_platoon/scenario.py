@@ -1,0 +1,308 @@
+"""Everything that defines a run, checked once, before anything starts."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from cacc_platoon.model import (
+    BitChannel,
+    Channel,
+    ConstantChannel,
+    ConstantTimeHeadway,
+    Gains,
+    LeaderProfile,
+    PiecewiseConstantAcceleration,
+    SinePulse,
+    ThirdOrderPlant,
+    brake_profile,
+    expected_factor,
+    read_speed_profile,
+    speed_profile,
+    step_profile,
+)
+from cacc_platoon.model.channel import MAX_BITS
+from cacc_platoon.parameter_table import (
+    GROUPS,
+    SNR_DB,
+    TABLE,
+    V2V,
+    Controller,
+    Leader,
+    Platoon,
+    Record,
+    Run,
+    Vehicle,
+)
+from cacc_platoon.parameters import ScenarioError, refuse_unknown
+
+
+@dataclass(frozen=True)
+class Follower:
+    """One follower's own parameters, and the model objects made from them."""
+
+    index: int
+    tau: float
+    tau_max: float
+    gains: Gains
+    standstill_distance: float
+    v2v: V2V
+    seed: int
+    hold_steps: int
+
+    def plant(self, step: float) -> ThirdOrderPlant:
+        """Return the vehicle's dynamics at the control period `step` [s]."""
+        return ThirdOrderPlant(self.tau, step)
+
+    def law(self) -> ConstantTimeHeadway:
+        """Return the vehicle's control law."""
+        return ConstantTimeHeadway(self.gains, self.standstill_distance)
+
+    def channel(self, noise: str | None = None) -> Channel:
+        """Return the channel of the link from the predecessor, with its own `noise` by default."""
+        v2v = self.v2v
+        match noise or v2v.noise:
+            case "bits":
+                return BitChannel(
+                    v2v.rho, v2v.bit_probabilities, self.seed, self.index, self.hold_steps
+                )
+            case "expected":
+                return ConstantChannel(expected_factor(v2v.rho, v2v.bit_probabilities))
+        return ConstantChannel(1.0)
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A checked run definition.
+
+    Attributes
+    ----------
+    platoon, vehicle, controller, v2v, leader, run, record
+        The groups of the parameter table.
+    overrides : Mapping of int to Mapping of str to value
+        By follower index: the parameters of groups vehicle, controller and v2v that differ there.
+    name : str
+        Short name, the scenario file's stem.
+
+    Examples
+    --------
+    >>> Scenario.from_values({"controller.time_headway": 1}).controller.time_headway
+    1.0
+    """
+
+    platoon: Platoon = dataclasses.field(default_factory=Platoon)
+    vehicle: Vehicle = dataclasses.field(default_factory=Vehicle)
+    controller: Controller = dataclasses.field(default_factory=Controller)
+    v2v: V2V = dataclasses.field(default_factory=V2V)
+    leader: Leader = dataclasses.field(default_factory=Leader)
+    run: Run = dataclasses.field(default_factory=Run)
+    record: Record = dataclasses.field(default_factory=Record)
+    overrides: Mapping[int, Mapping[str, Any]] = dataclasses.field(default_factory=dict)
+    name: str = "scenario"
+
+    @classmethod
+    def from_values(
+        cls,
+        values: Mapping[str, Any],
+        overrides: Mapping[int, Mapping[str, Any]] | None = None,
+        source: str = "scenario",
+        folder: Path = Path(),
+    ) -> Scenario:
+        """Build a scenario from dotted names; `folder` is where leader.file is looked for.
+
+        Raises
+        ------
+        ScenarioError
+            For an unknown key, a wrong type, a value out of range or values that contradict
+            each other; one line that begins with `source`.
+        """
+        common = _checked(values, source)
+        own = {
+            index: _checked(section, f"{source}: vehicle_{index}", per_vehicle=True)
+            for index, section in sorted((overrides or {}).items())
+        }
+        groups = {
+            group: owner(
+                **{
+                    name.partition(".")[2]: value
+                    for name, value in common.items()
+                    if name.startswith(f"{group}.")
+                }
+            )
+            for group, owner in GROUPS.items()
+        }
+        groups["leader"] = _with_speed_table(groups["leader"], source, folder)
+        scenario = cls(**groups, overrides=own, name=Path(source).stem or "scenario")
+        _check_consistency(scenario, source)
+        return scenario
+
+    def values(self) -> dict[str, Any]:
+        """Return every common parameter by its dotted name."""
+        return {name: _read(self, name) for name in TABLE}
+
+    def follower(self, index: int) -> Follower:
+        """Return follower `index` (1..N) with its overrides applied."""
+        own = self.overrides.get(index, {})
+        picked = {name: own.get(name, _read(self, name)) for name in TABLE}
+        tau = picked["vehicle.tau"]
+        v2v = V2V(**{f.name: picked[f"v2v.{f.name}"] for f in dataclasses.fields(V2V)})
+        return Follower(
+            index,
+            tau[index - 1] if isinstance(tau, tuple) else tau,
+            picked["vehicle.tau_max"],
+            Gains(*(picked[f"controller.{name}"] for name in Gains._fields)),
+            self.platoon.standstill_distance,
+            v2v,
+            self.run.seed,
+            max(1, round(v2v.hold / self.run.step)),
+        )
+
+    @property
+    def followers(self) -> list[Follower]:
+        """Followers 1..N."""
+        return [self.follower(index) for index in range(1, self.platoon.followers + 1)]
+
+    @property
+    def step_ns(self) -> int:
+        """The control period in nanoseconds; sample k is stamped k times this."""
+        return round(self.run.step * 1e9)
+
+    @property
+    def samples(self) -> int:
+        """The number of samples, both ends included."""
+        return round(self.run.duration / self.run.step) + 1
+
+    def leader_profile(self) -> LeaderProfile:
+        """Return the leader's motion."""
+        leader, speed = self.leader, self.platoon.initial_speed
+        match leader.profile:
+            case "sine":
+                return SinePulse(speed, leader.amplitude, leader.angular_frequency, leader.start)
+            case "step":
+                return step_profile(speed, leader.acceleration, leader.start, leader.hold)
+            case "brake":
+                return brake_profile(speed, leader.deceleration, leader.start, leader.final_speed)
+            case "csv":
+                return speed_profile(leader.times, leader.speeds)
+        return PiecewiseConstantAcceleration(speed, [], [])
+
+
+def _read(scenario: Scenario, name: str) -> Any:
+    group, _, field = name.partition(".")
+    return getattr(getattr(scenario, group), field)
+
+
+def _checked(values: Mapping[str, Any], source: str, per_vehicle: bool = False) -> dict[str, Any]:
+    """Return checked values; v2v.snr_db becomes v2v.rho."""
+    refuse_unknown(values, [*TABLE, SNR_DB.name], source)
+    checked: dict[str, Any] = {}
+    for name, value in values.items():
+        row = TABLE.get(name, SNR_DB)
+        if per_vehicle and row is not SNR_DB and not row.per_vehicle:
+            raise row.refusal(value, source, "is common to the platoon; set it under /**")
+        checked[name] = row.check(value, source)
+    if SNR_DB.name in checked:
+        if "v2v.rho" in checked:
+            rho, snr_db = checked["v2v.rho"], checked[SNR_DB.name]
+            raise ScenarioError(
+                f"{source}: v2v.rho = {rho:g} and v2v.snr_db = {snr_db:g} dB are two values for "
+                "one signal-to-noise ratio. Give one of them."
+            )
+        checked["v2v.rho"] = 10.0 ** (checked.pop(SNR_DB.name) / 20.0)
+    return checked
+
+
+def _with_speed_table(leader: Leader, source: str, folder: Path) -> Leader:
+    """Read leader.file once, so that the resolved scenario stands alone."""
+    if leader.profile != "csv" or leader.times:
+        return leader
+    if not leader.file:
+        raise TABLE["leader.file"].refusal("", source, "must name a file when profile is csv")
+    times, speeds = read_speed_profile(folder / leader.file)
+    return dataclasses.replace(leader, times=times, speeds=speeds)
+
+
+def _check_consistency(scenario: Scenario, source: str) -> None:
+    """Refuse values that are right alone and wrong together."""
+    run, platoon = scenario.run, scenario.platoon
+
+    def refuse(name: str, value: object, rule: str) -> ScenarioError:
+        return TABLE[name].refusal(value, source, rule)
+
+    if not re.fullmatch(r"(/[A-Za-z_][A-Za-z0-9_]*)+", platoon.namespace):
+        raise refuse("platoon.namespace", platoon.namespace, "must be a ROS name such as /platoon")
+    if isinstance(run.hosts, str) and run.hosts not in ("auto", "per_node"):
+        raise refuse("run.hosts", run.hosts, "must be auto, per_node or a whole number")
+    if run.seed >= 2**63:
+        raise refuse("run.seed", run.seed, "must be < 2^63")
+    if not _is_multiple(run.step, 1e-9):
+        raise refuse("run.step", run.step, "must be a whole number of nanoseconds")
+    if not _is_multiple(run.duration, run.step):
+        raise refuse(
+            "run.duration", run.duration, f"must be a whole number of steps of {run.step:g} s"
+        )
+    _check_leader(scenario, source)
+    _check_overrides(scenario, source)
+    for follower in scenario.followers:
+        where = f"vehicle_{follower.index}: " if follower.index in scenario.overrides else ""
+        _check_follower(follower, run.step, f"{source}: {where}".rstrip(": "))
+
+
+def _check_leader(scenario: Scenario, source: str) -> None:
+    platoon, leader = scenario.platoon, scenario.leader
+    if leader.profile == "brake" and leader.final_speed >= platoon.initial_speed:
+        raise TABLE["leader.final_speed"].refusal(
+            leader.final_speed,
+            source,
+            f"must be below platoon.initial_speed = {platoon.initial_speed:g} m/s",
+        )
+    if len(leader.times) != len(leader.speeds):
+        raise TABLE["leader.times"].refusal(
+            list(leader.times), source, "must be as many as leader.speeds"
+        )
+    if leader.profile == "csv" and leader.speeds[0] != platoon.initial_speed:
+        raise TABLE["platoon.initial_speed"].refusal(
+            platoon.initial_speed,
+            source,
+            f"must be the first speed of the leader's table, {leader.speeds[0]:g} m/s",
+        )
+
+
+def _check_overrides(scenario: Scenario, source: str) -> None:
+    count = scenario.platoon.followers
+    for index in scenario.overrides:
+        if not 1 <= index <= count:
+            raise ScenarioError(
+                f"{source}: vehicle_{index} has parameters of its own but the platoon has "
+                f"followers 1 to {count}; they would be ignored. Correct the index."
+            )
+    tau = scenario.vehicle.tau
+    if isinstance(tau, tuple) and len(tau) != count:
+        raise TABLE["vehicle.tau"].refusal(
+            list(tau), source, f"has {len(tau)} values for {count} followers"
+        )
+
+
+def _check_follower(follower: Follower, step: float, source: str) -> None:
+    v2v = follower.v2v
+    if follower.tau > follower.tau_max:
+        raise TABLE["vehicle.tau"].refusal(
+            follower.tau, source, f"must be <= vehicle.tau_max = {follower.tau_max:g} s"
+        )
+    if not 1 <= len(v2v.bit_probabilities) <= MAX_BITS:
+        raise TABLE["v2v.bit_probabilities"].refusal(
+            list(v2v.bit_probabilities), source, f"must have 1 to {MAX_BITS} values"
+        )
+    if not _is_multiple(v2v.hold, step):
+        raise TABLE["v2v.hold"].refusal(v2v.hold, source, f"must be a multiple of {step:g} s")
+
+
+def _is_multiple(value: float, unit: float) -> bool:
+    """Whether `value` is a whole number of `unit`, up to the rounding of decimal fractions."""
+    ratio = value / unit
+    return math.isclose(ratio, round(ratio), rel_tol=1e-12, abs_tol=1e-9)
