@@ -1,0 +1,65 @@
+"""Which headway and gains are string stable, how much they tolerate, and which to choose."""
+
+from cacc_platoon.design.errors import DesignError
+from cacc_platoon.design.exact import (
+    L2Gain,
+    Margins,
+    is_robustly_string_stable,
+    is_string_stable,
+    l2_gain,
+    linf_gain,
+    propagation_margins,
+    robust_string_stability_map,
+    string_stability_map,
+)
+from cacc_platoon.design.paper import (
+    EffectiveInterval,
+    Optimum,
+    PaperRegion,
+    effective_interval,
+    headway_bound,
+    headway_slope,
+    headway_slope_roots,
+    in_paper_region,
+    k_a_max,
+    optimum,
+    paper_region,
+    rho_from_snr_db,
+    snr_db_from_rho,
+)
+from cacc_platoon.design.transfer import (
+    frequency_response,
+    is_internally_stable,
+    poles,
+    slowest_time_constant,
+)
+
+__all__ = [
+    "DesignError",
+    "EffectiveInterval",
+    "L2Gain",
+    "Margins",
+    "Optimum",
+    "PaperRegion",
+    "effective_interval",
+    "frequency_response",
+    "headway_bound",
+    "headway_slope",
+    "headway_slope_roots",
+    "in_paper_region",
+    "is_internally_stable",
+    "is_robustly_string_stable",
+    "is_string_stable",
+    "k_a_max",
+    "l2_gain",
+    "linf_gain",
+    "optimum",
+    "paper_region",
+    "poles",
+    "propagation_margins",
+    "rho_from_snr_db",
+    "robust_string_stability_map",
+    "slowest_time_constant",
+    "snr_db_from_rho",
+    "string_stability_map",
+]

@@ -1,0 +1,132 @@
+r"""The spacing error propagation ``H(s) = N(s)/D(s)`` of one hop.
+
+.. math::
+    N(s) = \tilde k_a s^2 + k_v s + k_p, \qquad
+    D(s) = \tau s^3 + s^2 + \gamma s + k_p, \qquad \gamma = k_v + h_w k_p,
+
+so that ``H(0) = 1`` for every design: a string stable platoon has ``sup |H| = 1``, never less.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cacc_platoon.design.errors import require_positive
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from cacc_platoon.model.control import Gains
+
+__all__ = ["frequency_response", "gamma", "is_internally_stable", "poles", "slowest_time_constant"]
+
+
+def gamma(gains: Gains) -> float:
+    """Damping coefficient ``gamma = k_v + h_w k_p`` of ``D(s)``, in 1/s."""
+    return gains.k_v + gains.time_headway * gains.k_p
+
+
+def frequency_response(
+    gains: Gains, tau: float, k_effective: float, omega: ArrayLike
+) -> NDArray[np.complex128]:
+    """``H(j omega)`` of the mean system.
+
+    Parameters
+    ----------
+    gains : Gains
+        Controller; ``k_a`` is not used, `k_effective` stands for it.
+    tau : float
+        Actuation lag [s].
+    k_effective : float
+        Effective feed-forward gain ``k_a E[w]``.
+    omega : array_like, shape (...)
+        Frequencies [rad/s].
+
+    Returns
+    -------
+    ndarray, shape (...)
+        Complex response.
+
+    Examples
+    --------
+    >>> from cacc_platoon.model.control import Gains
+    >>> frequency_response(Gains(0.95, 0.5, 0.63, 0.009), 0.5, 0.5, [0.0]).tolist()
+    [(1+0j)]
+    """
+    s = 1j * np.asarray(omega, dtype=float)
+    numerator = (k_effective * s + gains.k_v) * s + gains.k_p
+    denominator = ((tau * s + 1.0) * s + gamma(gains)) * s + gains.k_p
+    return np.asarray(numerator / denominator, dtype=np.complex128)
+
+
+def is_internally_stable(gains: Gains, tau: float) -> bool:
+    """Routh-Hurwitz on ``D(s)``: ``k_p > 0`` and ``gamma > tau k_p`` (paper, proof of Theorem 2).
+
+    When it holds for one lag it holds for every smaller one.
+
+    Examples
+    --------
+    >>> from cacc_platoon.model.control import Gains
+    >>> is_internally_stable(Gains(0.95, 0.5, 0.63, 0.009), 0.5)
+    True
+    >>> is_internally_stable(Gains(0.4, 0.5, 0.0001, 1.0), 0.5)
+    False
+    """
+    damping = gamma(gains)
+    return gains.k_p > 0 and damping > 0 and damping > tau * gains.k_p
+
+
+def poles(gains: Gains, tau: float) -> NDArray[np.complex128]:
+    """Roots of ``D(s)``, the slowest first.
+
+    Parameters
+    ----------
+    gains : Gains
+        Controller.
+    tau : float
+        Actuation lag [s].
+
+    Returns
+    -------
+    ndarray, shape (3,)
+        Poles [1/s] by falling real part, complex pairs as conjugates.
+
+    Raises
+    ------
+    DesignError
+        If `tau` is not positive.
+
+    Examples
+    --------
+    >>> from cacc_platoon.model.control import Gains
+    >>> poles(Gains(0.95, 0.5, 0.63, 0.009), 0.5)[0].real.round(6).item()
+    -0.014418
+    """
+    require_positive("tau", tau, "s")
+    coefficients = np.array([tau, 1.0, gamma(gains), gains.k_p])
+    roots = np.roots(coefficients).astype(np.complex128)
+    if roots.size < 3:  # k_p = 0 loses no degree, but an underflowing tau does
+        roots = np.append(roots, -1.0 / tau)
+    slope = np.polyder(coefficients)
+    for _ in range(3):  # a small root next to a large one leaves np.roots with few digits
+        value = np.polyval(coefficients, roots)
+        step = value / np.where(np.polyval(slope, roots) == 0, 1.0, np.polyval(slope, roots))
+        better = np.abs(np.polyval(coefficients, roots - step)) < np.abs(value)
+        roots = np.where(better, roots - step, roots)
+    return roots[np.lexsort((-roots.imag, -roots.real))]
+
+
+def slowest_time_constant(gains: Gains, tau: float) -> float:
+    """Time constant of the slowest pole [s]; infinite when the loop is not internally stable.
+
+    Examples
+    --------
+    >>> from cacc_platoon.model.control import Gains
+    >>> round(slowest_time_constant(Gains(0.95, 0.5, 0.63, 0.009), 0.5), 1)
+    69.4
+    """
+    if not is_internally_stable(gains, tau):
+        return float("inf")
+    return float(-1.0 / poles(gains, tau)[0].real)
