@@ -1,0 +1,66 @@
+"""Build and install with colcon (ament_python) or pip; pyproject.toml holds only tool settings."""
+
+import re
+import sys
+from pathlib import Path
+
+from setuptools import find_packages, setup
+
+NAME = "cacc_platoon"
+NODES = ("leader", "vehicle", "noise_relay", "recorder", "supervisor")
+PIP_COMMANDS = {"dist_info", "bdist_wheel", "editable_wheel"}
+
+here = Path(__file__).resolve().parent
+version = re.search(r'__version__ = "(.+)"', (here / NAME / "__init__.py").read_text())[1]
+
+executables = [f"platoon = {NAME}.cli:main"]
+if not PIP_COMMANDS.intersection(sys.argv):  # colcon: lib/cacc_platoon, where `ros2 run` looks
+    executables += [f"{node} = {NAME}.nodes.{node}:main" for node in NODES]
+
+
+def files(pattern):
+    """Return the matching files, relative as setuptools wants them."""
+    return sorted(str(path.relative_to(here)) for path in here.glob(pattern))
+
+
+setup(
+    name=NAME,
+    version=version,
+    description="Choose, run, record and judge a connected platoon under noisy V2V communication",
+    license="Apache-2.0",
+    python_requires=">=3.11",
+    packages=find_packages(include=[NAME, f"{NAME}.*", "msg_adapters", "msg_adapters.*"]),
+    package_data={NAME: ["py.typed"], "msg_adapters": ["py.typed"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+        (f"share/{NAME}", ["package.xml"]),
+        (f"share/{NAME}/launch", files("launch/*.launch.py")),
+        (f"share/{NAME}/config", files("config/*")),
+    ],
+    install_requires=["matplotlib", "numpy>=1.26", "rosbags", "ruamel.yaml"],
+    extras_require={
+        "ros": [
+            "ros-jazzy-rclpy[fastrtps]",
+            "ros-jazzy-geometry-msgs",
+            "ros-jazzy-rosgraph-msgs",
+            "ros-jazzy-std-msgs",
+        ],
+        "test": [
+            "codespell",
+            "colcon-core",
+            "colcon-ros",
+            "control",
+            "hypothesis",
+            "mcap",
+            "mcap-ros2-support",
+            "mypy",
+            "pytest",
+            "ruff",
+            "scipy",
+            "setuptools<80",  # the last with the `setup.py install` that colcon calls
+            "wheel",
+        ],
+    },
+    zip_safe=False,  # colcon installs unpacked
+    entry_points={"console_scripts": executables},
+)
