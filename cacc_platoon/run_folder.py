@@ -1,0 +1,150 @@
+"""The folder of a run: made at the start, filled while it runs, finished at the end."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.metadata
+import json
+import math
+import os
+import platform
+import shutil
+import sys
+from collections.abc import Callable, Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cacc_platoon import __version__
+from cacc_platoon.errors import UserError
+from cacc_platoon.scenario import Scenario
+from cacc_platoon.scenario_file import format_scenario, load_scenario
+from msg_adapters.bag import write_bag
+from msg_adapters.recording import Recording, digest, read_parts
+from msg_adapters.topics import PlatoonTopics, queue_depth
+
+SCENARIO_FILE = "scenario.yaml"
+INFO_FILE = "run.json"
+BAG = "bag"
+PARTS = "parts"
+
+
+def default_run_folder(scenario: Scenario) -> Path:
+    """Return runs/<scenario>-<UTC time> below the working folder."""
+    return Path("runs") / f"{scenario.name}-{datetime.now(UTC):%Y%m%dT%H%M%SZ}"
+
+
+class RunFolder:
+    """One run on disk: scenario.yaml, parts/ while it runs, then bag/ and run.json.
+
+    Parameters
+    ----------
+    path : Path
+        The folder.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.bag = path / BAG
+        self.parts = path / PARTS
+
+    @classmethod
+    def create(cls, path: Path, scenario: Scenario) -> RunFolder:
+        """Make the folder of a new run and put the resolved scenario in it.
+
+        Raises
+        ------
+        UserError
+            When it exists already or cannot be written; nothing is changed then.
+        """
+        if path.exists():
+            raise UserError(
+                f"{path}: exists already, a run never overwrites another. "
+                "Choose another folder with -o or remove it."
+            )
+        try:
+            (path / PARTS).mkdir(parents=True)
+            (path / SCENARIO_FILE).write_text(format_scenario(scenario), encoding="utf-8")
+        except OSError as error:
+            raise UserError(
+                f"{path}: cannot be written ({error.strerror}), the run would be lost. "
+                "Choose another folder with -o."
+            ) from error
+        return cls(path)
+
+    def scenario(self) -> Scenario:
+        """Return the resolved scenario."""
+        return load_scenario(self.path / SCENARIO_FILE)
+
+    def recording(self) -> Recording:
+        """Return what the parts hold."""
+        return read_parts(sorted(self.parts.glob("*")))
+
+    def finish(
+        self,
+        scenario: Scenario,
+        recording: Recording,
+        info: Mapping[str, Any],
+        progress: Callable[[int, int], None] | None = None,
+    ) -> dict[str, Any]:
+        """Write the bag and run.json, remove the parts, and return what run.json says.
+
+        Parameters
+        ----------
+        scenario : Scenario
+            What was run.
+        recording : Recording
+            What was recorded.
+        info : Mapping
+            What only the runner knows: status, message, wall time, hosts.
+        progress : callable, optional
+            Called now and then with the sample written and the number of samples.
+        """
+        prefix = scenario.platoon.namespace
+        run_digest = digest(recording, prefix, scenario.platoon.followers)
+        write_bag(
+            self.bag,
+            recording,
+            step_ns=scenario.step_ns,
+            depth=queue_depth(scenario.run.window, scenario.platoon.followers),
+            scenario_topic=PlatoonTopics(prefix).scenario,
+            scenario_text=format_scenario(scenario),
+            custom_data={"digest": run_digest, "cacc_platoon": __version__},
+            progress=progress,
+        )
+        document = {
+            **info,
+            "digest": run_digest,
+            "messages": {name: len(record.messages) for name, record in sorted(recording.items())},
+            "seed": scenario.run.seed,
+            "versions": versions(),
+            "fingerprint": fingerprint(),
+        }
+        (self.path / INFO_FILE).write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+        shutil.rmtree(self.parts, ignore_errors=True)
+        return document
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of everything that shapes a run."""
+    found = {"cacc_platoon": __version__, "python": platform.python_version()}
+    for package in ("numpy", "rosbags", "rclpy"):
+        try:
+            found[package] = importlib.metadata.version(package)
+        except importlib.metadata.PackageNotFoundError:
+            continue
+    return found
+
+
+def fingerprint() -> dict[str, str]:
+    """Return what decides the last bits of sin, cos and exp on this machine."""
+    grid = [math.sin(k) + math.cos(k) + math.exp(-k / 7.0) for k in range(1, 2000)]
+    return {
+        "machine": platform.machine(),
+        "system": sys.platform,
+        "libc": " ".join(platform.libc_ver()),
+        "cores": str(os.cpu_count()),
+        "math": hashlib.sha256(np.array(grid).tobytes()).hexdigest()[:16],
+    }

@@ -1,0 +1,80 @@
+"""Many noisy runs of one platoon, and what their mean and spread say."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+
+from cacc_platoon.scenario import Scenario
+from cacc_platoon.simulation.platoon import Progress, channel_factors, propagate
+from cacc_platoon.simulation.trajectory import Array, Trajectory
+
+BATCH = 50
+
+
+@dataclass(frozen=True)
+class Ensemble:
+    """Pointwise statistics over the noisy runs of one scenario.
+
+    Attributes
+    ----------
+    runs : int
+        Number of runs; run r has the seed of the scenario plus r.
+    mean, standard_error, low, high : ndarray, shape (samples, N)
+        Spacing errors delta_i [m]: mean over the runs, its standard error, smallest and largest.
+    max_abs_spacing_error : ndarray, shape (runs, N)
+        max_t |delta_i| [m] of each run.
+    """
+
+    runs: int
+    mean: Array
+    standard_error: Array
+    low: Array
+    high: Array
+    max_abs_spacing_error: Array
+
+
+def with_seed(scenario: Scenario, seed: int) -> Scenario:
+    """Return the scenario with another seed."""
+    return dataclasses.replace(scenario, run=dataclasses.replace(scenario.run, seed=seed))
+
+
+def monte_carlo(scenario: Scenario, runs: int, progress: Progress | None = None) -> Ensemble:
+    """Simulate `runs` noisy runs with consecutive seeds and gather their spacing errors.
+
+    Examples
+    --------
+    >>> ensemble = monte_carlo(Scenario.from_values({"run.duration": 0.5}), runs=3)
+    >>> ensemble.mean.shape, ensemble.max_abs_spacing_error.shape
+    ((51, 12), (3, 12))
+    """
+    peaks: list[Array] = []
+    shape = (scenario.samples, scenario.platoon.followers)
+    total, squares = np.zeros(shape), np.zeros(shape)
+    low, high = np.full(shape, np.inf), np.full(shape, -np.inf)
+    for start in range(0, runs, BATCH):
+        seeds = range(start, min(start + BATCH, runs))
+        errors = _spacing_errors(scenario, seeds)
+        peaks.append(np.abs(errors).max(axis=0))
+        total += errors.sum(axis=1)
+        squares += (errors**2).sum(axis=1)
+        np.minimum(low, errors.min(axis=1), out=low)
+        np.maximum(high, errors.max(axis=1), out=high)
+        if progress:
+            progress(seeds.stop, runs)
+    mean = total / runs
+    variance = np.maximum(squares / runs - mean**2, 0.0) * runs / max(runs - 1, 1)
+    return Ensemble(runs, mean, np.sqrt(variance / runs), low, high, np.concatenate(peaks))
+
+
+def _spacing_errors(scenario: Scenario, seeds: range) -> Array:
+    """Return the spacing errors of a batch, shape (samples, len(seeds), N)."""
+    members = [with_seed(scenario, scenario.run.seed + offset) for offset in seeds]
+    factors = np.stack([channel_factors(member, "bits") for member in members], axis=1)
+    position, velocity, acceleration = (
+        part.reshape(-1, part.shape[-1]) for part in propagate(scenario, factors)
+    )
+    trajectory = Trajectory(scenario, position, velocity, acceleration, received=np.empty((0, 0)))
+    return trajectory.spacing_error.reshape(factors.shape)

@@ -1,0 +1,63 @@
+"""What a platoon did: the record that simulations make and bags are read into."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from cacc_platoon.scenario import Scenario
+
+Array: TypeAlias = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Positions, velocities, accelerations and received accelerations of one run.
+
+    Attributes
+    ----------
+    scenario : Scenario
+        What was run.
+    position, velocity, acceleration : ndarray, shape (samples, N + 1)
+        x_i [m], v_i [m/s] and a_i [m/s^2] at t = k T; column 0 is the leader.
+    received : ndarray, shape (samples, N)
+        w a_{i-1} [m/s^2] as follower i = 1..N received it (column i - 1).
+    """
+
+    scenario: Scenario
+    position: Array
+    velocity: Array
+    acceleration: Array
+    received: Array
+
+    @cached_property
+    def time(self) -> Array:
+        """Sample times k T [s], shape (samples,)."""
+        return np.asarray(np.arange(len(self.position)) * self.scenario.run.step, np.float64)
+
+    @cached_property
+    def spacing_error(self) -> Array:
+        """delta_i [m] of followers 1..N, shape (samples, N); positive means too close."""
+        columns = [
+            follower.law().spacing_error(
+                self.position[:, follower.index],
+                self.velocity[:, follower.index],
+                self.position[:, follower.index - 1],
+            )
+            for follower in self.scenario.followers
+        ]
+        return np.stack(columns, axis=1)
+
+    @cached_property
+    def gap(self) -> Array:
+        """x_{i-1} - x_i [m] of followers 1..N, shape (samples, N)."""
+        return self.position[:, :-1] - self.position[:, 1:]
+
+    @cached_property
+    def platoon_length(self) -> Array:
+        """x_0 - x_N [m], shape (samples,)."""
+        return self.position[:, 0] - self.position[:, -1]

@@ -1,0 +1,128 @@
+"""A recording as a rosbag2 bag (MCAP, metadata version 9) that stands alone."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+from functools import lru_cache
+from pathlib import Path
+
+from rosbags.interfaces import (
+    Connection,
+    Qos,
+    QosDurability,
+    QosHistory,
+    QosLiveliness,
+    QosReliability,
+    QosTime,
+)
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys.store import Typestore
+
+from msg_adapters.recording import Recording
+
+STRING_TYPE = "std_msgs/msg/String"
+_FOREVER = QosTime(9223372036, 854775807)
+_PROGRESS_STRIDE = 500
+
+
+def encode_string(text: str) -> bytes:
+    """Return the CDR bytes of a std_msgs/String."""
+    data = text.encode() + b"\0"
+    return b"\x00\x01\x00\x00" + struct.pack("<I", len(data)) + data
+
+
+def write_bag(
+    folder: Path,
+    recording: Recording,
+    *,
+    step_ns: int,
+    depth: int,
+    scenario_topic: str,
+    scenario_text: str,
+    custom_data: dict[str, str],
+    progress: Callable[[int, int], None] | None = None,
+) -> None:
+    """Write a new bag, its messages in the order of (stamp, topic).
+
+    The log time of a message is the time of the sample at which it is delivered, which in
+    lockstep is its stamp. The bag is closed and readable even when writing is interrupted.
+
+    Parameters
+    ----------
+    folder : Path
+        The bag's folder; must not exist.
+    recording : Recording
+        What to write; topics may have different numbers of samples.
+    step_ns : int
+        Control period [ns].
+    depth : int
+        Queue depth of the topics, part of their offered QoS.
+    scenario_topic, scenario_text : str
+        The latched topic that carries the scenario, and the scenario file's text.
+    custom_data : dict of str to str
+        Goes into the bag's metadata beside the scenario.
+    progress : callable, optional
+        Called now and then with the sample reached and the number of samples.
+    """
+    writer = Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP)
+    for key, value in {"scenario": scenario_text, **custom_data}.items():
+        writer.set_custom_data(key, value)
+    writer.open()
+    try:
+        latched = _add(writer, scenario_topic, STRING_TYPE, QosDurability.TRANSIENT_LOCAL, 1)
+        writer.write(latched, 0, encode_string(scenario_text))
+        connections = [
+            _add(writer, name, record.type_name, QosDurability.VOLATILE, depth)
+            for name, record in sorted(recording.items())
+        ]
+        _write_samples(writer, connections, recording, step_ns, progress)
+    finally:
+        writer.close()
+
+
+def _write_samples(
+    writer: Writer,
+    connections: list[Connection],
+    recording: Recording,
+    step_ns: int,
+    progress: Callable[[int, int], None] | None,
+) -> None:
+    columns: list[tuple[Connection, memoryview, int, int]] = []
+    for connection in connections:
+        messages = recording[connection.topic].messages
+        count, size = messages.shape
+        columns.append((connection, memoryview(messages.reshape(-1)), size, count))
+    samples = max((count for *_, count in columns), default=0)
+    for k in range(samples):
+        for connection, data, size, count in columns:
+            if k < count:
+                writer.write(connection, k * step_ns, data[k * size : (k + 1) * size])
+        if progress and k % _PROGRESS_STRIDE == 0:
+            progress(k, samples)
+
+
+@lru_cache(maxsize=1)
+def typestore() -> Typestore:
+    """Return the message definitions of Jazzy."""
+    return get_typestore(Stores.ROS2_JAZZY)
+
+
+def _add(
+    writer: Writer, topic: str, type_name: str, durability: QosDurability, depth: int
+) -> Connection:
+    qos = Qos(
+        QosHistory.KEEP_LAST,
+        depth,
+        QosReliability.RELIABLE,
+        durability,
+        _FOREVER,
+        _FOREVER,
+        QosLiveliness.AUTOMATIC,
+        _FOREVER,
+        avoid_ros_namespace_conventions=False,
+    )
+    return writer.add_connection(
+        topic, type_name, typestore=typestore(), offered_qos_profiles=[qos]
+    )
