@@ -18,6 +18,7 @@ __all__ = [
     "EffectiveInterval",
     "Optimum",
     "PaperRegion",
+    "checked_interval",
     "effective_interval",
     "headway_bound",
     "headway_slope",
@@ -179,7 +180,7 @@ def headway_bound(k_a: float, rho: float, tau_max: float) -> float:
     0.9375
     """
     require_positive("tau_max", tau_max, "s")
-    low, high = _checked_interval(k_a, rho)
+    low, high = checked_interval(k_a, rho)
     return 2.0 * tau_max * (1.0 - low) / ((1.0 - high) * (1.0 + high))
 
 
@@ -256,7 +257,7 @@ def paper_region(k_a: float, time_headway: float, rho: float, tau_max: float) ->
     """
     require_positive("time_headway", time_headway, "s")
     require_positive("tau_max", tau_max, "s")
-    low, high = _checked_interval(k_a, rho)
+    low, high = checked_interval(k_a, rho)
     a1 = (1.0 - high) * (1.0 + high) / (2.0 * tau_max)
     a2 = (1.0 - low) / time_headway
     b1, b2 = a1 / time_headway, 2.0 * a2 / time_headway
@@ -289,7 +290,14 @@ def in_paper_region(gains: Gains, rho: float, tau_max: float) -> bool:
     return upper <= (1.0 - high) * (1.0 + high) + _SLACK and lower >= 1.0 - low - _SLACK
 
 
-def _checked_interval(k_a: float, rho: float) -> EffectiveInterval:
+def checked_interval(k_a: float, rho: float) -> EffectiveInterval:
+    """`effective_interval`, refusing a gain outside ``[0, k_a_max(rho))``.
+
+    Raises
+    ------
+    DesignError
+        If `k_a` or `rho` is out of range.
+    """
     interval = effective_interval(k_a, rho)
     require(
         k_a >= 0 and interval.high < 1,

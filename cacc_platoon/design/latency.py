@@ -1,0 +1,163 @@
+r"""How late the communicated acceleration may come.
+
+A latency ``Delta`` on ``a_{i-1}`` turns the exact test into
+
+.. math::
+    f = \tau^2\omega^4 + B\omega^2 + C - 2 k k_p (1 - \cos\omega\Delta)
+        - 2 k k_v \omega\sin\omega\Delta \ge 0 .
+
+At one frequency the first ``Delta`` with ``f < 0`` is closed form (``t = tan(omega Delta/2)``
+solves a quadratic), so the margin is a minimum over frequency alone. ``f`` is convex in tau with
+its minimum at ``gamma/omega^2`` and concave in ``k``: the worst lag and gain are closed form too.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cacc_platoon.design.errors import require, require_positive
+from cacc_platoon.design.exact import is_robustly_string_stable, is_string_stable
+from cacc_platoon.design.paper import checked_interval, effective_interval
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from cacc_platoon.model.control import Gains
+
+    Float = NDArray[np.float64]
+
+__all__ = ["headway_for_latency", "latency_headroom", "latency_margin"]
+
+
+def latency_headroom(
+    time_headway: ArrayLike,
+    k_v: ArrayLike,
+    k_p: ArrayLike,
+    tau: ArrayLike,
+    k_effective: ArrayLike,
+    *,
+    omega: ArrayLike,
+) -> Float:
+    """First latency [s] at which ``|H(j omega)|`` exceeds one; infinite where none does.
+
+    All arguments broadcast; `omega` in rad/s must be positive.
+
+    Examples
+    --------
+    >>> latency_headroom(0.95, 0.63, 0.009, 0.5, 0.6, omega=[0.1, 100.0]).round(4).tolist()
+    [0.486, inf]
+    """
+    h, v, p, lag, k, w = (
+        np.asarray(x, dtype=np.float64) for x in (time_headway, k_v, k_p, tau, k_effective, omega)
+    )
+    B = 1.0 - k * k - 2.0 * lag * (v + h * p)
+    C = p * (h * (2.0 * v + h * p) - 2.0 * (1.0 - k))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        slack = np.maximum((lag * lag * w * w + B) * w * w + C, 0.0) / (2.0 * k)
+        discriminant = (v * w) ** 2 + slack * (2.0 * p - slack)
+        t = slack / (v * w + np.sqrt(np.maximum(discriminant, 0.0)))
+        delay = 2.0 * np.arctan(t) / w
+    never = (discriminant < 0) | ~(k > 0) | ~np.isfinite(t)
+    return np.asarray(np.where(never, np.inf, delay), dtype=np.float64)
+
+
+def latency_margin(
+    gains: Gains, rho: float, tau_max: float, *, k_effective: float | None = None
+) -> float:
+    """Largest V2V latency [s] with string stability for all of I and every lag up to `tau_max`.
+
+    Parameters
+    ----------
+    gains : Gains
+        Controller.
+    rho : float
+        Linear signal-to-noise ratio, > 1.
+    tau_max : float
+        Largest actuation lag [s].
+    k_effective : float, optional
+        Ask for this effective gain at `tau_max` only.
+
+    Returns
+    -------
+    float
+        Latency margin [s]: 0 when not string stable, infinite when nothing is communicated.
+
+    Raises
+    ------
+    DesignError
+        If a value is out of its range.
+
+    Examples
+    --------
+    >>> from cacc_platoon.model.control import Gains
+    >>> round(latency_margin(Gains(0.95, 0.5, 0.63, 0.009), 5.0, 0.5), 4)
+    0.0818
+    """
+    require_positive("tau_max", tau_max, "s")
+    robust = k_effective is None
+    if k_effective is None:
+        ends = tuple(effective_interval(gains.k_a, rho))
+        stable = is_robustly_string_stable(gains, rho, tau_max)
+    else:
+        ends = (k_effective,)
+        stable = is_string_stable(gains, tau_max, k_effective)
+    if not stable:
+        return 0.0
+    h, _, k_v, k_p = gains
+    damping = k_v + h * k_p
+    low, high = _frequency_range(gains, max(ends), tau_max)
+    best = math.inf
+    for _ in range(6):  # each pass narrows the bracket around the minimum a hundredfold
+        omega = np.geomspace(low, high, 400)
+        lag = np.minimum(tau_max, damping / omega**2) if robust else np.full_like(omega, tau_max)
+        delay = latency_headroom(h, k_v, k_p, lag, np.array(ends)[:, np.newaxis], omega=omega).min(
+            axis=0
+        )
+        i = int(np.argmin(delay))
+        best = min(best, float(delay[i]))
+        low, high = float(omega[max(i - 1, 0)]), float(omega[min(i + 1, omega.size - 1)])
+        if not math.isfinite(best) or high <= low * (1.0 + 1e-9):
+            break
+    return best
+
+
+def _frequency_range(gains: Gains, k: float, tau_max: float) -> tuple[float, float]:
+    """Frequencies outside which latency cannot matter more than inside."""
+    h, _, k_v, k_p = gains
+    low = 1e-3 * min(k_p / (k_v + h * k_p), math.sqrt(k_p))
+    # (1 - k^2) w^2 > 2 k_p + k_v^2 + 2 k (k_p + k_v w) leaves f > 0 for every latency and lag
+    spread = 1.0 - k * k
+    b, c = k * k_v, 2.0 * k_p * (1.0 + k) + k_v**2
+    if spread > 1e-12:
+        return low, (b + math.sqrt(b * b + spread * c)) / spread + 2.0 * low
+    return low, 1e3 * (1.0 / tau_max + k_v + math.sqrt(k_p))
+
+
+def headway_for_latency(k_a: float, rho: float, tau_max: float, latency: float) -> float:
+    """Headway [s] above which some gains tolerate this V2V latency for all of I (sufficient).
+
+    ``2 (tau_0 + M k_a Delta)(1 - m k_a)/(1 - M^2 k_a^2)``: the paper's bound with the lag enlarged
+    by the latency; for one known ``k`` it is ``2 (tau_0 + k Delta)/(1 + k)``. Strict, as the
+    paper's: gains exist for every headway above it, with ``k_p`` small.
+
+    Raises
+    ------
+    DesignError
+        If a value is out of its range.
+
+    Examples
+    --------
+    >>> round(headway_for_latency(0.5, 5.0, 0.5, latency=0.1), 4)
+    1.05
+    """
+    require_positive("tau_max", tau_max, "s")
+    require(
+        0 <= latency < math.inf,
+        f"latency = {latency:g} s is not a finite, nonnegative time: no headway follows from it. "
+        "Give the largest V2V latency in seconds, 0 for none.",
+    )
+    low, high = checked_interval(k_a, rho)
+    return 2.0 * (tau_max + high * latency) * (1.0 - low) / ((1.0 - high) * (1.0 + high))

@@ -1,0 +1,140 @@
+r"""What zero-mean noise adds: mean-square growth along the platoon and a uniform bound.
+
+With white noise of variance ``Var[w]`` redrawn every ``Tc``, the energy of hop i obeys a renewal
+equation whose weights sum to
+
+.. math::
+    c_I = \mathrm{Var}[w]\,k_a^2 T_c \frac{1}{2\pi}\int
+          \frac{\omega^2\,d\omega}{\tau^2\omega^4 + B\omega^2 + C}
+        = \frac{\mathrm{Var}[w]\,k_a^2 T_c}{2\tau\sqrt{B + 2\tau\sqrt{C}}} .
+
+``c_I < 1`` gives ``E||a_i||^2 <= ||a_0||^2/(1 - c_I)`` for every i; ``c_I > 1`` lets the energy
+grow without bound along the platoon (docs/theory.md, section 3).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from cacc_platoon.design.errors import require
+from cacc_platoon.design.exact import is_string_stable, propagation_margins
+from cacc_platoon.design.transfer import gamma, is_internally_stable
+
+if TYPE_CHECKING:
+    from cacc_platoon.model.control import Gains
+
+__all__ = ["largest_variance", "leader_error_norm", "mean_square_index", "uniform_error_bound"]
+
+
+def largest_variance(rho: float) -> float:
+    """Largest ``Var[w]`` of the paper's bit channel at this SNR: fair bits, ``1/(3 rho^2)``.
+
+    Examples
+    --------
+    >>> round(largest_variance(5.0), 6)
+    0.013333
+    """
+    return 1.0 / (3.0 * rho * rho)
+
+
+def mean_square_index(
+    gains: Gains, tau: float, k_effective: float, *, variance: float, redraw_period: float
+) -> float:
+    """Index ``c_I`` of mean-square string stability; below one, noise energy stays bounded.
+
+    Parameters
+    ----------
+    gains : Gains
+        Controller.
+    tau : float
+        Actuation lag [s].
+    k_effective : float
+        ``k_a E[w]``.
+    variance : float
+        ``Var[w]`` of one draw, see ``cacc_platoon.model.channel.factor_variance``.
+    redraw_period : float
+        Time ``Tc`` between draws [s].
+
+    Returns
+    -------
+    float
+        ``c_I`` (white-noise limit: ``Tc`` short against the loop); infinite when the mean system
+        is not string stable.
+
+    Raises
+    ------
+    DesignError
+        If the variance or the period is negative or not finite.
+
+    Examples
+    --------
+    >>> from cacc_platoon.model.control import Gains
+    >>> gains = Gains(0.95, 0.5, 0.63, 0.009)
+    >>> index = mean_square_index(
+    ...     gains, 0.5, 0.524086844, variance=0.00921519566, redraw_period=0.01)
+    >>> round(index, 6)
+    6.3e-05
+    """
+    for name, value in (("variance", variance), ("redraw_period", redraw_period)):
+        require(
+            0 <= value < math.inf,
+            f"{name} = {value:g} is not a finite, nonnegative number: the noise would have no "
+            f"energy balance. Give {name} >= 0.",
+        )
+    if not is_string_stable(gains, tau, k_effective):
+        return math.inf
+    strength = variance * gains.k_a**2 * redraw_period
+    if strength == 0:
+        return 0.0
+    margin = propagation_margins(gains, tau, k_effective).margin
+    return strength / (2.0 * tau * math.sqrt(margin)) if margin > 0 else math.inf
+
+
+def leader_error_norm(gains: Gains, tau: float, k_effective: float) -> float:
+    r"""H2 norm of ``Phi = ((h_w k - tau)s + k + h_w k_v - 1)/D``, from ``a_0`` to ``delta_1``.
+
+    ``||Phi||_2^2 = (b1^2 k_p + b0^2) / (2 k_p (gamma - tau k_p))`` with the numerator
+    ``b1 s + b0``; infinite when the loop is not internally stable.
+
+    Examples
+    --------
+    >>> from cacc_platoon.model.control import Gains
+    >>> round(leader_error_norm(Gains(0.95, 0.5, 0.63, 0.009), 0.5, 0.524086844), 4)
+    1.1475
+    """
+    if not is_internally_stable(gains, tau):
+        return math.inf
+    b1 = gains.time_headway * k_effective - tau
+    b0 = k_effective + gains.time_headway * gains.k_v - 1.0
+    energy = b1 * b1 * gains.k_p + b0 * b0
+    return math.sqrt(energy / (2.0 * gains.k_p * (gamma(gains) - tau * gains.k_p)))
+
+
+def uniform_error_bound(
+    gains: Gains, tau: float, k_effective: float, leader_acceleration_norm: float
+) -> float:
+    """Bound on ``|delta_i(t)|`` [m] for every follower and all time, ``||Phi||_2 ||a_0||_2``.
+
+    Parameters
+    ----------
+    gains, tau, k_effective
+        As in `leader_error_norm`.
+    leader_acceleration_norm : float
+        ``||a_0||_2`` [m/s^1.5], the root of the integral of ``a_0^2``.
+
+    Returns
+    -------
+    float
+        The bound for the mean system; infinite when it is not string stable.
+
+    Examples
+    --------
+    >>> from cacc_platoon.model.control import Gains
+    >>> gains = Gains(0.95, 0.5, 0.63, 0.009)
+    >>> round(uniform_error_bound(gains, 0.5, 0.524086844, 2.8025), 3)
+    3.216
+    """
+    if not is_string_stable(gains, tau, k_effective):
+        return math.inf
+    return leader_error_norm(gains, tau, k_effective) * leader_acceleration_norm

@@ -1,0 +1,332 @@
+r"""Sampled-data certificate: the loop at period T with its plant under exact zero-order hold.
+
+In the delta operator ``d = (z - 1)/T`` the hop is ``H_T = N_T(d)/D_T(d)``; as T -> 0 it becomes
+``N(s)/D(s)``, and no digits are lost on the way. On the unit circle ``|d|^2 = eta``,
+``d + d* = -T eta`` with ``0 <= eta <= 4/T^2``, hence
+
+.. math:: |D_T|^2 - |N_T|^2 = \mathrm{Re}\,(D_T - N_T)(D_T + N_T)^* = \eta\, q(\eta)
+
+with ``q`` of degree 2, or 3 when the communicated acceleration is one step old. The hop is string
+stable iff ``q >= 0`` on ``(0, 4/T^2]`` and the roots of ``D_T`` are in the unit disc.
+The worst ``k`` is an end of I, since ``|N_T|^2`` is convex in ``k``; the worst lag is searched on
+a grid over ``[0, tau_0]``: that part is numerical.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from cacc_platoon.design.errors import require_positive
+from cacc_platoon.design.exact import TOLERANCE, is_robustly_string_stable, is_string_stable
+from cacc_platoon.design.paper import effective_interval
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from cacc_platoon.model.control import Gains
+
+    Float = NDArray[np.float64]
+
+__all__ = [
+    "SampledHop",
+    "critical_period",
+    "is_sampled_string_stable",
+    "sampled_hop",
+    "sampled_stability_map",
+]
+
+_LAGS = np.concatenate(([0.0], np.linspace(0.0, 1.0, 17)[1:]))
+
+
+class SampledHop(NamedTuple):
+    """One hop in the delta operator, coefficients from the lowest power up.
+
+    Attributes
+    ----------
+    numerator, denominator : tuple of ndarray
+        ``N_T`` and ``D_T``; a stale acceleration multiplies both by ``z`` except in its own term.
+    loop : tuple of ndarray
+        Monic characteristic polynomial of the vehicle's own loop, without that ``z``.
+    """
+
+    numerator: tuple[Float, ...]
+    denominator: tuple[Float, ...]
+    loop: tuple[Float, ...]
+
+
+def _hold_integrals(tau: Float, period: Float) -> tuple[Float, Float, Float]:
+    """Integrate a unit command held for one period: acceleration/T, velocity/T^2, position/T^3.
+
+    With ``r = T/tau``: ``p1 = (1 - e^-r)/r``, ``p2 = (1 - p1)/r``, ``p3 = (1/2 - p2)/r``; the
+    results are ``r p_i/T``. Small ``r`` needs the series, ``r = inf`` is the plant without lag.
+    """
+    r = np.divide(period, tau, out=np.full(np.broadcast(period, tau).shape, np.inf), where=tau > 0)
+    small = np.where(r < 0.5, r, 0.0)
+    large = np.where(r < 0.5, 1.0, r)
+    scaled_1 = -np.expm1(-large)
+    scaled_2 = 1.0 - scaled_1 / large
+    scaled_3 = 0.5 - scaled_2 / large
+    results = []
+    for order, value in enumerate((scaled_1, scaled_2, scaled_3), start=1):
+        term = np.full_like(small, 1.0 / math.factorial(order))
+        series = term.copy()
+        for n in range(1, 13):
+            term = -term * small / (n + order)
+            series += term
+        results.append(np.where(r < 0.5, small * series, value) / period)
+    return results[0], results[1], results[2]
+
+
+def sampled_hop(
+    time_headway: ArrayLike,
+    k_v: ArrayLike,
+    k_p: ArrayLike,
+    tau: ArrayLike,
+    k_effective: ArrayLike,
+    *,
+    period: ArrayLike,
+    stale: bool = False,
+) -> SampledHop:
+    """Discretise one hop exactly; all arguments broadcast.
+
+    Parameters
+    ----------
+    time_headway, k_v, k_p, tau, k_effective : array_like
+        Headway [s], gains [1/s], [1/s^2], lag [s] (0 allowed) and effective gain.
+    period : array_like
+        Control period T [s].
+    stale : bool, optional
+        Whether the communicated acceleration is one period old.
+
+    Returns
+    -------
+    SampledHop
+        Coefficients in the delta operator.
+
+    Examples
+    --------
+    >>> hop = sampled_hop(0.95, 0.63, 0.009, 0.5, 0.5, period=1e-9)
+    >>> [round(float(0.5 * c), 6) for c in hop.denominator]
+    [0.009, 0.63855, 1.0, 0.5]
+    """
+    h, v, p, lag, k, T = np.broadcast_arrays(
+        *(np.asarray(x, dtype=float) for x in (time_headway, k_v, k_p, tau, k_effective, period))
+    )
+    a1, a2, a3 = _hold_integrals(lag, T)
+    half = a2 * T
+    position = (a1, half * (2.0 - half) + a1 * a3 * T * T, a3 * T * T)
+    feedback = [p * position[0], v * a1 + p * position[1], v * half + p * position[2]]
+    loop = (
+        feedback[0],
+        feedback[1] + h * p * a1,
+        feedback[2] + h * p * half + a1,
+        np.ones_like(a1),
+    )
+    zero = np.zeros_like(a1)
+    if not stale:
+        return SampledHop((feedback[0], feedback[1], feedback[2] + k * a1, zero), loop, loop)
+    delayed = [zero, *(T * c for c in feedback)]
+    numerator = [c + d for c, d in zip([*feedback, zero], delayed, strict=True)]
+    numerator[2] = numerator[2] + k * a1
+    denominator = [c + T * d for c, d in zip([*loop, zero], [zero, *loop], strict=True)]
+    return SampledHop((*numerator, zero), tuple(denominator), loop)
+
+
+def _propagation_polynomial(hop: SampledHop, period: Float) -> tuple[Float, Float]:
+    """Coefficients of ``q(eta)`` from the lowest power up, and the sizes of their terms."""
+    n = len(hop.denominator)
+    error = [d - c for d, c in zip(hop.denominator, hop.numerator, strict=True)]
+    total = [d + c for d, c in zip(hop.denominator, hop.numerator, strict=True)]
+    # c_n(eta) = Re d^n: c_n = -T eta c_{n-1} - eta c_{n-2}
+    powers = [np.zeros((n, *period.shape)) for _ in range(n)]
+    powers[0][0] = 1.0
+    powers[1][1] = -0.5 * period
+    for i in range(2, n):
+        powers[i][1:] = -period * powers[i - 1][:-1] - powers[i - 2][:-1]
+    q, size = np.zeros((n, *period.shape)), np.zeros((n, *period.shape))
+    for i in range(1, n):
+        for j in range(n):
+            weight, shift = error[i] * total[j], min(i, j)
+            term = weight * powers[abs(i - j)]
+            q[shift:] += term[: n - shift]
+            size[shift:] += np.abs(term[: n - shift])
+    return q[1:], size[1:]
+
+
+def _in_unit_disc(loop: tuple[Float, ...], period: Float) -> NDArray[np.bool_]:
+    """Routh test of the cubic after ``d = w/(1 - T w/2)`` maps the unit disc to the left."""
+    d0, d1, d2, _ = loop
+    T = period
+    w3 = 1.0 - T * (d2 / 2.0 - T * (d1 / 4.0 - T * d0 / 8.0))
+    w2 = d2 - T * (d1 - 0.75 * T * d0)
+    w1 = d1 - 1.5 * T * d0
+    stable = (w3 > 0) & (w2 > 0) & (w1 > 0) & (d0 > 0) & (w2 * w1 > w3 * d0)
+    return np.asarray(stable, dtype=np.bool_)
+
+
+def sampled_stability_map(
+    time_headway: ArrayLike,
+    k_v: ArrayLike,
+    k_p: ArrayLike,
+    tau: ArrayLike,
+    k_effective: ArrayLike,
+    *,
+    period: ArrayLike,
+    stale: bool = False,
+) -> NDArray[np.bool_]:
+    """Exact sampled-data string stability over arrays that broadcast; see `sampled_hop`.
+
+    Returns
+    -------
+    ndarray of bool
+        True where the sampled hop is stable and ``|H_T| <= 1`` on the unit circle.
+
+    Examples
+    --------
+    >>> sampled_stability_map(0.95, 0.63, 0.009, 0.5, 0.6, period=[0.01, 0.1]).tolist()
+    [True, False]
+    """
+    hop = sampled_hop(time_headway, k_v, k_p, tau, k_effective, period=period, stale=stale)
+    T = np.broadcast_to(np.asarray(period, dtype=float), hop.loop[0].shape)
+    q, size = _propagation_polynomial(hop, T)
+    scale = np.multiply.accumulate(np.broadcast_to(4.0 / T**2, q.shape)[1:], axis=0)
+    q[1:] *= scale
+    size[1:] *= scale
+    q3 = q[3] if len(q) > 3 else np.zeros_like(T)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        root = np.sqrt(np.maximum(q[2] ** 2 - 3.0 * q3 * q[1], 0.0))
+        pivot = -(q[2] + np.where(q[2] >= 0, root, -root))
+        turning = (pivot / (3.0 * q3), q[1] / pivot)
+    good = _in_unit_disc(hop.loop, T)
+    for x in (np.zeros_like(T), np.ones_like(T), *turning):
+        y = np.clip(np.nan_to_num(x), 0.0, 1.0)
+        value, bound = np.zeros_like(T), np.zeros_like(T)
+        for c, s in zip(q[::-1], size[::-1], strict=True):
+            value, bound = value * y + c, bound * y + s
+        good &= value >= -TOLERANCE * bound
+    return good
+
+
+def _robust(
+    gains: Gains, ends: tuple[float, ...], lags: Float, periods: Float, stale: bool
+) -> NDArray[np.bool_]:
+    h, _, k_v, k_p = gains
+    result = sampled_stability_map(
+        h,
+        k_v,
+        k_p,
+        lags[:, np.newaxis],
+        np.asarray(ends),
+        period=periods[:, np.newaxis, np.newaxis],
+        stale=stale,
+    )
+    return np.asarray(result.all(axis=(1, 2)), dtype=np.bool_)
+
+
+def _question(
+    gains: Gains, rho: float, tau_max: float, k_effective: float | None
+) -> tuple[tuple[float, ...], Float]:
+    require_positive("tau_max", tau_max, "s")
+    if k_effective is None:
+        return tuple(effective_interval(gains.k_a, rho)), tau_max * _LAGS
+    return (k_effective,), np.array([tau_max])
+
+
+def is_sampled_string_stable(
+    gains: Gains,
+    rho: float,
+    tau_max: float,
+    period: float,
+    *,
+    stale: bool = False,
+    k_effective: float | None = None,
+) -> bool:
+    """Certify the sampled loop at one period, for all of I and every lag up to `tau_max`.
+
+    Parameters
+    ----------
+    gains : Gains
+        Controller.
+    rho : float
+        Linear signal-to-noise ratio, > 1.
+    tau_max : float
+        Largest actuation lag [s].
+    period : float
+        Control period T [s].
+    stale : bool, optional
+        Whether the communicated acceleration is one period old.
+    k_effective : float, optional
+        Ask for this effective gain at `tau_max` only.
+
+    Returns
+    -------
+    bool
+        Whether ``|H_T| <= 1`` and the loop is stable, worst case.
+
+    Raises
+    ------
+    DesignError
+        If a value is out of its range.
+
+    Examples
+    --------
+    >>> from cacc_platoon.model.control import Gains
+    >>> is_sampled_string_stable(Gains(0.95, 0.5, 0.63, 0.009), 5.0, 0.5, period=0.01)
+    True
+    """
+    require_positive("period", period, "s")
+    ends, lags = _question(gains, rho, tau_max, k_effective)
+    return max(map(abs, ends)) <= 1 and bool(
+        _robust(gains, ends, lags, np.array([period]), stale)[0]
+    )
+
+
+def critical_period(
+    gains: Gains,
+    rho: float,
+    tau_max: float,
+    *,
+    stale: bool = False,
+    k_effective: float | None = None,
+) -> float:
+    """Period at which robust string stability is first lost [s]; 0 when no period keeps it.
+
+    No sampled loop without lag survives ``T >= 2/gamma``, which bounds the search.
+
+    Parameters
+    ----------
+    gains, rho, tau_max, stale, k_effective
+        As in `is_sampled_string_stable`.
+
+    Returns
+    -------
+    float
+        Critical period [s], to a relative 1e-6.
+
+    Examples
+    --------
+    >>> from cacc_platoon.model.control import Gains
+    >>> round(critical_period(Gains(0.95, 0.5, 0.63, 0.009), 5.0, 0.5), 4)
+    0.0959
+    """
+    ends, lags = _question(gains, rho, tau_max, k_effective)
+    continuous = (
+        is_robustly_string_stable(gains, rho, tau_max)
+        if k_effective is None
+        else is_string_stable(gains, tau_max, k_effective)
+    )
+    if not continuous:
+        return 0.0
+    low, high = 0.0, 8.0 / (gains.k_v + gains.time_headway * gains.k_p) + 8.0 * tau_max
+    while high - low > 1e-7 * high:
+        periods = np.linspace(low, high, 33)[1:]
+        lost = np.flatnonzero(~_robust(gains, ends, lags, periods, stale))
+        if lost.size == 0:
+            return high
+        low, high = float(periods[lost[0]] - (high - low) / 32), float(periods[lost[0]])
+        if high < 1e-9 * tau_max:
+            return 0.0
+    return low
