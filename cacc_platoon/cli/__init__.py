@@ -1,0 +1,53 @@
+"""The `platoon` command: one file per verb, one place that maps errors to exit codes."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import sys
+from collections.abc import Sequence
+from types import ModuleType
+
+from cacc_platoon import __version__
+from cacc_platoon.errors import UserError
+
+VERBS = ("run", "simulate", "report", "doctor")
+
+DONE, FAILED, BAD_INPUT, NOT_STRING_STABLE = 0, 1, 2, 3
+INTERRUPTED = 130
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one verb and return its exit code."""
+    parser = _parser()
+    options = parser.parse_args(arguments)
+    try:
+        code: int = options.verb.run(options)
+    except UserError as error:
+        print(f"platoon: {error}", file=sys.stderr)
+        return BAD_INPUT
+    except KeyboardInterrupt:
+        print("platoon: interrupted", file=sys.stderr)
+        return INTERRUPTED
+    return code
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="platoon",
+        description="Choose, run, record and judge a platoon under noisy V2V communication.",
+        epilog="Exit codes: 0 done, 1 a run failed, 2 bad input, 3 not string stable (--check).",
+    )
+    parser.add_argument("--version", action="version", version=f"cacc_platoon {__version__}")
+    verbs = parser.add_subparsers(required=True, metavar="VERB")
+    for name in VERBS:
+        module = importlib.import_module(f"cacc_platoon.cli.{name}")
+        summary = _summary(module)
+        verb = verbs.add_parser(name, help=summary, description=summary)
+        module.add_arguments(verb)
+        verb.set_defaults(verb=module)
+    return parser
+
+
+def _summary(module: ModuleType) -> str:
+    return (module.__doc__ or "").partition("\n")[0]
