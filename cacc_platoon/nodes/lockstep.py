@@ -1,0 +1,187 @@
+"""Lockstep without ROS: what a follower, a relay and a leader do with each sample, in order.
+
+A follower steps to sample k + 1 as soon as it holds the predecessor's position and velocity of
+sample k and the received acceleration of sample k, whatever order they arrive in. All objects
+here take and give stamped values [ns]; publishing is a function they are given.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable
+
+from cacc_platoon.model import ControlLaw, FactorStream, LeaderProfile, State, ThirdOrderPlant
+from cacc_platoon.scenario import Follower, Scenario
+
+
+class LockstepError(Exception):
+    """A message that must not be used: the run ends, the line says which and why."""
+
+
+PublishState = Callable[[int, State[float]], None]
+PublishCommand = Callable[[int, float, float, float], None]
+PublishAcceleration = Callable[[int, float], None]
+
+
+def _seconds(stamp: int) -> str:
+    return f"{stamp / 1e9:.9g} s"
+
+
+class Sequence:
+    """The stamps of one topic, which must come one step apart from 0 on."""
+
+    def __init__(self, what: str, step_ns: int) -> None:
+        self._what, self._step = what, step_ns
+        self.due = 0
+
+    def take(self, stamp: int) -> None:
+        """Accept the next stamp or raise LockstepError."""
+        if stamp != self.due:
+            raise LockstepError(
+                f"{self._what} is stamped {_seconds(stamp)} where {_seconds(self.due)} is due: "
+                "a message was lost or comes from another publisher"
+            )
+        self.due += self._step
+
+
+class LockstepFollower:
+    """One follower: pairs its inputs by sample, applies the law, steps the plant.
+
+    Parameters
+    ----------
+    follower : Follower
+        Its parameters.
+    scenario : Scenario
+        The run it belongs to.
+    publish_state : callable
+        Called with stamp [ns] and state for every sample, in order.
+    publish_command : callable, optional
+        Called with stamp [ns], u [m/s^2], delta [m] and e [m] for every step.
+    law : ControlLaw, optional
+        Replaces the constant time headway law.
+    """
+
+    def __init__(
+        self,
+        follower: Follower,
+        scenario: Scenario,
+        publish_state: PublishState,
+        publish_command: PublishCommand | None = None,
+        law: ControlLaw | None = None,
+    ) -> None:
+        self._step_ns = scenario.step_ns
+        self._end = (scenario.samples - 1) * self._step_ns
+        self._plant: ThirdOrderPlant = follower.plant(scenario.run.step)
+        self._spacing_law = follower.law()
+        self._law: ControlLaw = law or self._spacing_law
+        self._speed = scenario.platoon.initial_speed
+        self._equilibrium_spacing = follower.standstill_distance + (
+            follower.gains.time_headway * self._speed
+        )
+        self._publish_state, self._publish_command = publish_state, publish_command
+        self._state: State[float] | None = None
+        self._stamp = 0
+        predecessor = f"vehicle_{follower.index - 1}"
+        self._name = f"vehicle_{follower.index}"
+        self._position_sequence = Sequence(f"{self._name}: pose of {predecessor}", self._step_ns)
+        self._velocity_sequence = Sequence(f"{self._name}: twist of {predecessor}", self._step_ns)
+        self._positions: deque[float] = deque()
+        self._velocities: deque[float] = deque()
+        self._received: dict[int, float] = {}
+
+    def take_position(self, stamp: int, position: float) -> None:
+        """Accept the predecessor's position [m]; the first one places this vehicle behind it."""
+        self._position_sequence.take(stamp)
+        if self._state is None:
+            self._state = State(position - self._equilibrium_spacing, self._speed, 0.0)
+            self._publish_state(0, self._state)
+        self._positions.append(position)
+        self._advance()
+
+    def take_velocity(self, stamp: int, velocity: float) -> None:
+        """Accept the predecessor's velocity [m/s]."""
+        self._velocity_sequence.take(stamp)
+        self._velocities.append(velocity)
+        self._advance()
+
+    def take_acceleration(self, stamp: int, acceleration: float) -> None:
+        """Accept the received acceleration w a_{i-1} [m/s^2]."""
+        if stamp < self._stamp or stamp in self._received or stamp % self._step_ns:
+            raise LockstepError(
+                f"{self._name}: v2v/accel is stamped {_seconds(stamp)}, which it has already or "
+                "which is no sample: it comes from another publisher"
+            )
+        self._received[stamp] = acceleration
+        self._advance()
+
+    def take_loss(self, stamp: int) -> None:
+        """Accept that the channel delivers nothing for a sample; the law then uses 0."""
+        self.take_acceleration(stamp, 0.0)
+
+    def _advance(self) -> None:
+        stamp = self._stamp
+        received = self._received
+        while self._positions and self._velocities and stamp in received:
+            self._step(
+                stamp, self._positions.popleft(), self._velocities.popleft(), received.pop(stamp)
+            )
+            stamp = self._stamp
+
+    def _step(self, stamp: int, position: float, velocity: float, acceleration: float) -> None:
+        state = self._state
+        assert state is not None
+        self._stamp = stamp + self._step_ns
+        command = self._law.command(
+            state.position, state.velocity, position, velocity, acceleration
+        )
+        if not math.isfinite(command):
+            raise LockstepError(
+                f"{self._name}: command at {_seconds(stamp)} is {command}: own state {tuple(state)}, "
+                f"predecessor's position {position} m and velocity {velocity} m/s, "
+                f"received acceleration {acceleration} m/s^2"
+            )
+        if self._publish_command:
+            delta = self._spacing_law.spacing_error(state.position, state.velocity, position)
+            gap_error = state.position - position + self._spacing_law.standstill_distance
+            self._publish_command(stamp, command, delta, gap_error)
+        if stamp < self._end:
+            self._state = state = self._plant.advance(state, command)
+            self._publish_state(self._stamp, state)
+
+
+class LockstepRelay:
+    """The channel of one link: what the predecessor sends, times w of that sample."""
+
+    def __init__(
+        self, follower: Follower, scenario: Scenario, publish: PublishAcceleration
+    ) -> None:
+        name = f"vehicle_{follower.index}: accel of vehicle_{follower.index - 1}"
+        self._sequence = Sequence(name, scenario.step_ns)
+        self._factors = FactorStream(follower.channel())
+        self._sample = 0
+        self._publish = publish
+
+    def take(self, stamp: int, acceleration: float) -> None:
+        """Accept the predecessor's acceleration [m/s^2] and pass it on."""
+        self._sequence.take(stamp)
+        factor = self._factors.at(self._sample)
+        self._sample += 1
+        self._publish(stamp, factor * acceleration)
+
+
+class LockstepLeader:
+    """Vehicle 0: follows its profile as far as the horizon lets it."""
+
+    def __init__(self, scenario: Scenario, publish_state: PublishState) -> None:
+        self._profile: LeaderProfile = scenario.leader_profile()
+        self._step, self._step_ns = scenario.run.step, scenario.step_ns
+        self._samples = scenario.samples
+        self._publish_state = publish_state
+        self._sample = 0
+
+    def take_horizon(self, horizon: int) -> None:
+        """Publish every sample up to and including `horizon`."""
+        for k in range(self._sample, min(horizon + 1, self._samples)):
+            self._publish_state(k * self._step_ns, self._profile.at(k * self._step))
+            self._sample = k + 1

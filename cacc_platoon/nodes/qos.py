@@ -1,0 +1,28 @@
+"""Quality of service of every topic; losses and delays belong to the relay, never to DDS."""
+
+from __future__ import annotations
+
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+from cacc_platoon.scenario import Scenario
+from msg_adapters.topics import queue_depth
+
+
+def stream(scenario: Scenario) -> QoSProfile:
+    """Return the profile of data topics: reliable, volatile, deeper than the lockstep window."""
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=queue_depth(scenario.run.window, scenario.platoon.followers),
+        reliability=ReliabilityPolicy.RELIABLE,
+        durability=DurabilityPolicy.VOLATILE,
+    )
+
+
+def latched() -> QoSProfile:
+    """Return the profile of topics whose last message is for latecomers too."""
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=1,
+        reliability=ReliabilityPolicy.RELIABLE,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL,
+    )
