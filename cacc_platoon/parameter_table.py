@@ -23,7 +23,9 @@ class Platoon:
         12, "-", "the number of vehicles behind the leader", at_least=1, at_most=500
     )
     standstill_distance: float = parameter(5.0, "m", "the spacing d at rest", at_least=0.0)
-    initial_speed: float = parameter(25.0, "m/s", "the speed in equilibrium at time 0")
+    initial_speed: float = parameter(
+        25.0, "m/s", "the speed in equilibrium at time 0", at_least=0.0
+    )
     namespace: str = parameter("/platoon", "-", "the prefix of every topic and node name")
 
 
@@ -91,7 +93,11 @@ class V2V:
         consequence="a bit that never changes is no random variable",
     )
     hold: float = parameter(
-        0.0, "s", "the time one draw of the noise is held, 0 for every step", at_least=0.0
+        0.0,
+        "s",
+        "the time one draw of the noise is held, 0 for every step",
+        at_least=0.0,
+        at_most=1e6,
     )
 
 
@@ -170,5 +176,12 @@ TABLE: dict[str, Parameter] = {
     for row in rows(group, owner, per_vehicle=group in PER_VEHICLE)
 }
 SNR_DB = Parameter(
-    "v2v.snr_db", "float", 13.979, "dB", "the signal-to-noise ratio, instead of v2v.rho", above=0.0
+    "v2v.snr_db",
+    "float",
+    13.979,
+    "dB",
+    "the signal-to-noise ratio, instead of v2v.rho",
+    above=0.0,
+    at_most=300.0,
+    consequence="the noise could reverse the sign of the acceleration, or would vanish",
 )

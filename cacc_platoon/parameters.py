@@ -99,7 +99,7 @@ class Parameter:
 
     def refusal(self, value: object, source: str, rule: str) -> ScenarioError:
         """Return the one-line error for a value that breaks `rule`."""
-        shown = f"{value!r}" if isinstance(value, str) else f"{value}"
+        shown = f"{value!r}" if isinstance(value, str) else _show_scalar(value)
         if len(shown) > 60:
             shown = f"{shown[:57]}..."
         unit = "" if self.unit == "-" else f" {self.unit}"
@@ -191,4 +191,10 @@ def _convert(value: object, kind: str) -> Any:
 def _show(value: object) -> str:
     if isinstance(value, tuple):
         return "[" + ", ".join(f"{item:g}" for item in value[:3]) + ", ...]" if value else "[]"
-    return f"{value}"
+    return _show_scalar(value)
+
+
+def _show_scalar(value: object) -> str:
+    """Write a value as YAML does where Python differs."""
+    words = {True: "true", False: "false", None: "null"}
+    return words[value] if value is None or isinstance(value, bool) else f"{value}"

@@ -7,9 +7,11 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+from cacc_platoon.errors import UserError
 from cacc_platoon.model import (
     BitChannel,
     Channel,
@@ -40,6 +42,9 @@ from cacc_platoon.parameter_table import (
     Vehicle,
 )
 from cacc_platoon.parameters import ScenarioError, refuse_unknown
+
+MAX_SAMPLES = 10**8
+"""More would neither fit into memory nor end."""
 
 
 @dataclass(frozen=True)
@@ -206,6 +211,8 @@ def _checked(values: Mapping[str, Any], source: str, per_vehicle: bool = False) 
         if per_vehicle and row is not SNR_DB and not row.per_vehicle:
             raise row.refusal(value, source, "is common to the platoon; set it under /**")
         checked[name] = row.check(value, source)
+        if per_vehicle and name == "vehicle.tau" and isinstance(checked[name], tuple):
+            raise row.refusal(value, source, "must be one number in a vehicle's own section")
     if SNR_DB.name in checked:
         if "v2v.rho" in checked:
             rho, snr_db = checked["v2v.rho"], checked[SNR_DB.name]
@@ -213,7 +220,8 @@ def _checked(values: Mapping[str, Any], source: str, per_vehicle: bool = False) 
                 f"{source}: v2v.rho = {rho:g} and v2v.snr_db = {snr_db:g} dB are two values for "
                 "one signal-to-noise ratio. Give one of them."
             )
-        checked["v2v.rho"] = 10.0 ** (checked.pop(SNR_DB.name) / 20.0)
+        rho = 10.0 ** (checked.pop(SNR_DB.name) / 20.0)
+        checked["v2v.rho"] = TABLE["v2v.rho"].check(rho, source)
     return checked
 
 
@@ -223,19 +231,29 @@ def _with_speed_table(leader: Leader, source: str, folder: Path) -> Leader:
         return leader
     if not leader.file:
         raise TABLE["leader.file"].refusal("", source, "must name a file when profile is csv")
-    times, speeds = read_speed_profile(folder / leader.file)
+    try:
+        times, speeds = read_speed_profile(folder / leader.file)
+    except UserError as error:
+        raise ScenarioError(f"{source}: leader.file = {leader.file!r}: {error}") from error
     return dataclasses.replace(leader, times=times, speeds=speeds)
+
+
+def check_namespace(namespace: str, source: str) -> None:
+    """Refuse a platoon.namespace that ROS would refuse; the error line begins with `source`."""
+    if not re.fullmatch(r"(/[A-Za-z_][A-Za-z0-9_]*)+", namespace):
+        raise TABLE["platoon.namespace"].refusal(
+            namespace, source, "must be a ROS name such as /platoon"
+        )
 
 
 def _check_consistency(scenario: Scenario, source: str) -> None:
     """Refuse values that are right alone and wrong together."""
-    run, platoon = scenario.run, scenario.platoon
+    run = scenario.run
 
     def refuse(name: str, value: object, rule: str) -> ScenarioError:
         return TABLE[name].refusal(value, source, rule)
 
-    if not re.fullmatch(r"(/[A-Za-z_][A-Za-z0-9_]*)+", platoon.namespace):
-        raise refuse("platoon.namespace", platoon.namespace, "must be a ROS name such as /platoon")
+    check_namespace(scenario.platoon.namespace, source)
     if isinstance(run.hosts, str) and run.hosts not in ("auto", "per_node"):
         raise refuse("run.hosts", run.hosts, "must be auto, per_node or a whole number")
     if run.seed >= 2**63:
@@ -246,6 +264,8 @@ def _check_consistency(scenario: Scenario, source: str) -> None:
         raise refuse(
             "run.duration", run.duration, f"must be a whole number of steps of {run.step:g} s"
         )
+    if scenario.samples > MAX_SAMPLES:
+        raise refuse("run.duration", run.duration, f"must be at most {MAX_SAMPLES} steps")
     _check_leader(scenario, source)
     _check_overrides(scenario, source)
     for follower in scenario.followers:
@@ -264,6 +284,11 @@ def _check_leader(scenario: Scenario, source: str) -> None:
     if len(leader.times) != len(leader.speeds):
         raise TABLE["leader.times"].refusal(
             list(leader.times), source, "must be as many as leader.speeds"
+        )
+    steps = [after - before for before, after in pairwise(leader.times)]
+    if leader.times and (leader.times[0] != 0.0 or not steps or min(steps) <= 0.0):
+        raise TABLE["leader.times"].refusal(
+            list(leader.times), source, "must be two or more, increase, and begin with 0"
         )
     if leader.profile == "csv" and leader.speeds[0] != platoon.initial_speed:
         raise TABLE["platoon.initial_speed"].refusal(
@@ -298,11 +323,12 @@ def _check_follower(follower: Follower, step: float, source: str) -> None:
         raise TABLE["v2v.bit_probabilities"].refusal(
             list(v2v.bit_probabilities), source, f"must have 1 to {MAX_BITS} values"
         )
-    if not _is_multiple(v2v.hold, step):
+    if v2v.hold and not _is_multiple(v2v.hold, step):
         raise TABLE["v2v.hold"].refusal(v2v.hold, source, f"must be a multiple of {step:g} s")
 
 
 def _is_multiple(value: float, unit: float) -> bool:
-    """Whether `value` is a whole number of `unit`, up to the rounding of decimal fractions."""
+    """Whether `value` is a whole number >= 1 of `unit`, up to the rounding of decimals."""
     ratio = value / unit
-    return math.isclose(ratio, round(ratio), rel_tol=1e-12, abs_tol=1e-9)
+    whole = round(ratio)
+    return whole >= 1 and math.isclose(ratio, whole, rel_tol=1e-12, abs_tol=1e-9)

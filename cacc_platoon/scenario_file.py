@@ -4,18 +4,24 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
-from cacc_platoon.parameters import ScenarioError, flatten, nest
-from cacc_platoon.scenario import Scenario
-
-SECTION = "ros__parameters"
-OVERRIDABLE_NODES = ("vehicle", "noise_relay")
+from cacc_platoon.parameter_sections import (
+    SECTION,
+    Graph,
+    Values,
+    assign,
+    read_sections,
+    replace,
+)
+from cacc_platoon.parameter_table import TABLE
+from cacc_platoon.parameters import ScenarioError, nest
+from cacc_platoon.scenario import Scenario, check_namespace
 
 
 def load_scenario(path: str | Path, settings: Iterable[str] = ()) -> Scenario:
@@ -47,25 +53,18 @@ def parse_scenario(
     text: str, source: str, folder: Path = Path(), settings: Iterable[str] = ()
 ) -> Scenario:
     """Build a checked scenario from the text of a ROS parameter file; see `load_scenario`."""
-    sections = list(_sections(_parse_yaml(text, source), source))
-    prefix = _namespace(sections)
-    values: dict[str, Any] = {}
-    overrides: dict[int, dict[str, Any]] = {}
-    for pattern, section in sections:
-        if _matches(pattern, f"{prefix}/supervisor"):
-            values.update(section)
-            continue
-        vehicles = list(_vehicles_matching(pattern, prefix, section))
-        if not vehicles and not _matches(pattern, f"{prefix}/vehicle_0/leader"):
-            raise ScenarioError(
-                f"{source}: section {pattern} is for no node of the platoon {prefix}, its values "
-                f"would be ignored. Use /** or {prefix}/vehicle_<i>/*."
-            )
-        for index in vehicles:
-            overrides.setdefault(index, {}).update(section)
-    for setting in settings:
-        _apply_setting(setting, values, overrides)
-    return Scenario.from_values(values, overrides, source, folder)
+    sections = list(read_sections(_parse_yaml(text, source), source))
+    if not sections:
+        raise ScenarioError(f"{source}: holds no parameters. Begin with /**: {SECTION}:.")
+    set_values = dict(_parse_setting(setting) for setting in settings)
+    given = [*(section for _, section in sections), set_values]
+    prefix = _last(given, "platoon.namespace", source)
+    check_namespace(prefix, source)
+    followers = _last(given, "platoon.followers", source)
+    values = assign(sections, Graph(prefix, followers), source)
+    for name, value in set_values.items():
+        _apply_setting(name, value, values)
+    return Scenario.from_values(values.common, values.overrides, source, folder)
 
 
 def format_scenario(scenario: Scenario) -> str:
@@ -102,55 +101,27 @@ def _parse_yaml(text: str, source: str) -> Mapping[str, Any]:
     return document
 
 
-def _sections(
-    tree: Mapping[str, Any], source: str, path: str = ""
-) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield each node name pattern of the file with its flat parameters."""
-    for key, value in tree.items():
-        if key == SECTION and path and isinstance(value, Mapping):
-            yield path, flatten(value)
-        elif key != SECTION and isinstance(value, Mapping):
-            yield from _sections(value, source, f"{path}/{str(key).strip('/')}")
-        else:
-            raise ScenarioError(
-                f"{source}: {path.strip('/') or 'the file'} has {key} outside of {SECTION}, it "
-                f"would be ignored. Put parameters under /**: {SECTION}:."
-            )
+def _last(given: list[dict[str, Any]], name: str, source: str) -> Any:
+    """Return the value that a parameter has in the end, or its default."""
+    row = TABLE[name]
+    return row.check(next((g[name] for g in reversed(given) if name in g), row.default), source)
 
 
-def _namespace(sections: list[tuple[str, dict[str, Any]]]) -> str:
-    names = [flat["platoon.namespace"] for _, flat in sections if "platoon.namespace" in flat]
-    return names[-1] if names and isinstance(names[-1], str) else "/platoon"
-
-
-def _matches(pattern: str, node: str) -> bool:
-    """Whether a ROS section name, with its wildcards * and **, is for the node."""
-    expression = re.escape(pattern)
-    expression = expression.replace(r"/\*\*", "(/[^/]+)*").replace(r"\*", "[^/]+")
-    return re.fullmatch(expression, node) is not None
-
-
-def _vehicles_matching(pattern: str, prefix: str, section: Mapping[str, Any]) -> Iterator[int]:
-    """Yield the followers one of whose nodes the section is for."""
-    named = re.search(r"vehicle_(\d+)", pattern)
-    candidates = [int(named[1])] if named else range(1, 501)
-    for index in candidates:
-        nodes = (f"{prefix}/vehicle_{index}/{name}" for name in OVERRIDABLE_NODES)
-        if section and any(_matches(pattern, node) for node in nodes):
-            yield index
-
-
-def _apply_setting(
-    setting: str, values: dict[str, Any], overrides: dict[int, dict[str, Any]]
-) -> None:
+def _parse_setting(setting: str) -> tuple[str, Any]:
     name, equals, text = setting.partition("=")
     if not equals:
         raise ScenarioError(f"--set {setting}: has no value. Write key=value.")
-    value = YAML(typ="safe", pure=True).load(text) if text else ""
+    try:
+        return name, YAML(typ="safe", pure=True).load(text) if text else ""
+    except YAMLError as error:
+        raise ScenarioError(
+            f"--set {setting}: {text} cannot be read as a YAML value. Write key=value."
+        ) from error
+
+
+def _apply_setting(name: str, value: Any, values: Values) -> None:
     vehicle = re.match(r"vehicle_(\d+)\.", name)
-    target = overrides.setdefault(int(vehicle[1]), {}) if vehicle else values
-    if name == "v2v.snr_db":
-        target.pop("v2v.rho", None)
-    if name == "v2v.rho":
-        target.pop("v2v.snr_db", None)
-    target[name[vehicle.end() :] if vehicle else name] = value
+    if vehicle:
+        replace(values.overrides.setdefault(int(vehicle[1]), {}), name[vehicle.end() :], value)
+    else:
+        replace(values.common, name, value)

@@ -87,8 +87,7 @@ class BitChannel:
             draws[begin - first : end - first] = values[begin - block * BLOCK : end - block * BLOCK]
         if self._hold == 1:
             return draws
-        offset = start - first * self._hold
-        return np.repeat(draws, self._hold)[offset : offset + stop - start]
+        return draws[np.arange(start, stop) // self._hold - first]
 
     def _draw(self, block: int) -> npt.NDArray[np.float64]:
         key = np.random.SeedSequence(self._seed, spawn_key=(STREAM_VERSION, self._link, block))

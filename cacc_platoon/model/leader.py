@@ -141,7 +141,8 @@ def read_speed_profile(path: Path) -> tuple[tuple[float, ...], tuple[float, ...]
         with path.open(newline="", encoding="utf-8") as file:
             rows = [row for row in csv.reader(file) if row and not row[0].lstrip().startswith("#")]
     except (OSError, UnicodeDecodeError) as error:
-        raise UserError(f"{path}: cannot be read as CSV: {error}") from error
+        reason = getattr(error, "strerror", None) or "is not a text file"
+        raise UserError(f"{path}: cannot be read: {reason}. Give a CSV file.") from error
     table: list[tuple[float, float]] = []
     for number, row in enumerate(rows, start=1):
         try:

@@ -1,0 +1,139 @@
+"""Which node a section of a ROS parameter file is for; ROS's own rules, wildcards and order."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+from cacc_platoon.parameters import ScenarioError, flatten
+
+SECTION = "ros__parameters"
+VEHICLE_READERS = {"vehicle": "vehicle", "controller": "vehicle", "v2v": "noise_relay"}
+"""Parameter groups of which a follower may have values of its own, and the node that reads them."""
+EVERY_READER = ("vehicle", "noise_relay")
+
+SAME_QUANTITY = ("v2v.rho", "v2v.snr_db")
+
+
+@dataclass
+class Values:
+    """What a file says, by dotted name: for the whole platoon and for single followers."""
+
+    common: dict[str, Any] = field(default_factory=dict)
+    overrides: dict[int, dict[str, Any]] = field(default_factory=dict)
+
+
+def read_sections(
+    tree: Mapping[str, Any], source: str, path: str = ""
+) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield each node name pattern of a parsed file with its flat parameters, in file order.
+
+    Raises
+    ------
+    ScenarioError
+        When a value stands outside of every section, or a pattern can be no node's name.
+    """
+    for key, value in tree.items():
+        if not isinstance(value, Mapping) and key == SECTION:
+            raise ScenarioError(
+                f"{source}: {SECTION} of {path or 'the file'} holds no parameters. "
+                "Write them below it, indented."
+            )
+        if not isinstance(value, Mapping) or (key == SECTION and not path):
+            raise ScenarioError(
+                f"{source}: {path or 'the file'} has {key} outside of {SECTION}, it "
+                f"would be ignored. Put parameters under /**: {SECTION}:."
+            )
+        if key != SECTION:
+            yield from read_sections(value, source, f"{path}/{str(key).strip('/')}")
+        elif re.fullmatch(r"(/(\*\*?|[A-Za-z_]\w*))+", path, re.ASCII):
+            yield path, flatten(value)
+        else:
+            raise ScenarioError(
+                f"{source}: section {path} can be no node's name, its values would be ignored. "
+                "Use names, * for any one name and ** for any number of names."
+            )
+
+
+class Graph(NamedTuple):
+    """The nodes that a section can be for: the platoon's namespace and its number of followers."""
+
+    prefix: str
+    followers: int
+
+    def vehicles_matching(self, pattern: str, nodes: tuple[str, ...]) -> list[int]:
+        """Return the vehicles one of whose `nodes` the pattern is for, with any that it names."""
+        named = re.search(r"/vehicle_(\d+)(?=/|$)", pattern)
+        candidates = [int(named[1])] if named else range(1, self.followers + 1)
+        return [
+            index
+            for index in candidates
+            if any(_matches(pattern, f"{self.prefix}/vehicle_{index}/{node}") for node in nodes)
+        ]
+
+
+def assign(sections: list[tuple[str, dict[str, Any]]], graph: Graph, source: str) -> Values:
+    """Give every value to the nodes that would read it; a later section replaces an earlier one.
+
+    Parameters
+    ----------
+    sections : list of (str, dict)
+        Node name patterns with their parameters, in file order.
+    graph : Graph
+        The nodes there are.
+    source : str
+        Begins the error line.
+
+    Raises
+    ------
+    ScenarioError
+        When no node of the platoon would read a value.
+    """
+    values = Values()
+    for pattern, section in sections:
+        for name, value in section.items():
+            if not _assign_one(values, pattern, graph, name, value):
+                raise ScenarioError(
+                    f"{source}: section {pattern} is for no node of the platoon {graph.prefix} "
+                    f"that reads {name}, it would be ignored. "
+                    f"Use /** or {graph.prefix}/vehicle_<i>/*."
+                )
+    return values
+
+
+def replace(target: dict[str, Any], name: str, value: Any) -> None:
+    """Set a value in place of an earlier one, and of another name for the same quantity."""
+    _forget(target, name)
+    target[name] = value
+
+
+def _assign_one(values: Values, pattern: str, graph: Graph, name: str, value: Any) -> bool:
+    """Give one value to its readers; whether there are any."""
+    group = name.partition(".")[0]
+    common = _matches(pattern, f"{graph.prefix}/supervisor")
+    if group == "leader" and _matches(pattern, f"{graph.prefix}/vehicle_0/leader"):
+        common = True
+    reader = VEHICLE_READERS.get(group)
+    vehicles = graph.vehicles_matching(pattern, (reader,) if reader else EVERY_READER)
+    if common and (vehicles or not reader):
+        values.common[name] = value
+        for own in values.overrides.values():
+            _forget(own, name)
+        return True
+    for index in vehicles:
+        values.overrides.setdefault(index, {})[name] = value
+    return bool(vehicles)
+
+
+def _forget(target: dict[str, Any], name: str) -> None:
+    for other in SAME_QUANTITY if name in SAME_QUANTITY else (name,):
+        target.pop(other, None)
+
+
+def _matches(pattern: str, node: str) -> bool:
+    """Whether a section name, with its wildcards * and **, is for the node."""
+    expression = re.escape(pattern)
+    expression = expression.replace(r"/\*\*", "(/[^/]+)*").replace(r"\*", "[^/]+")
+    return re.fullmatch(expression, node) is not None
