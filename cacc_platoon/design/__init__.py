@@ -14,6 +14,13 @@ from cacc_platoon.design.chain import (
     certify_chain,
     effect_of_lag,
 )
+from cacc_platoon.design.designs import (
+    Design,
+    Recommendation,
+    Requirements,
+    assess,
+    paper_design,
+)
 from cacc_platoon.design.errors import (
     DesignError,
 )
@@ -65,6 +72,9 @@ from cacc_platoon.design.paper import (
     rho_from_snr_db,
     snr_db_from_rho,
 )
+from cacc_platoon.design.recommend import (
+    recommend,
+)
 from cacc_platoon.design.region import (
     Conservatism,
     ExactRegion,
@@ -92,6 +102,7 @@ __all__ = [
     "Certificate",
     "ChainCertificate",
     "Conservatism",
+    "Design",
     "DesignError",
     "EffectiveInterval",
     "ExactRegion",
@@ -103,7 +114,10 @@ __all__ = [
     "NoiseStatistics",
     "Optimum",
     "PaperRegion",
+    "Recommendation",
+    "Requirements",
     "SampledCertificate",
+    "assess",
     "certify",
     "certify_chain",
     "conservatism",
@@ -138,11 +152,13 @@ __all__ = [
     "multi_predecessor_bounds",
     "multi_predecessor_gains",
     "optimum",
+    "paper_design",
     "paper_region",
     "poles",
     "propagation_margins",
     "reception_interval",
     "reception_minimum_headway",
+    "recommend",
     "rho_from_snr_db",
     "robust_string_stability_map",
     "sampled_stability_map",
