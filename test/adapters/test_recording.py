@@ -1,0 +1,143 @@
+"""A run as messages: to bytes and back without loss, one digest, parts that survive a crash."""
+
+import dataclasses
+import hashlib
+
+import numpy as np
+import pytest
+
+from cacc_platoon.scenario import Scenario
+from cacc_platoon.simulation import simulate
+from msg_adapters.recording import (
+    PartWriter,
+    TopicRecord,
+    digest,
+    read_parts,
+    recording_of,
+    trajectory_of,
+)
+from msg_adapters.topics import VehicleTopics, digest_topics
+
+SCENARIO = Scenario.from_values(
+    {"platoon.followers": 3, "run.duration": 2.0, "leader.start": 0.5, "v2v.hold": 0.05}
+)
+
+
+@pytest.fixture(scope="module")
+def trajectory():
+    return simulate(SCENARIO)
+
+
+@pytest.fixture(scope="module")
+def recording(trajectory):
+    return recording_of(trajectory)
+
+
+def test_every_topic_of_the_digest_is_there(recording):
+    names = {
+        *(f"/platoon/vehicle_{i}/{name}" for i in range(4) for name in ("pose", "twist", "accel")),
+        *(f"/platoon/vehicle_{i}/v2v/accel" for i in (1, 2, 3)),
+    }
+    assert set(recording) == names
+    assert {topic.name for topic in digest_topics("/platoon", 3)} == names
+    assert {len(record.messages) for record in recording.values()} == {201}
+
+
+def test_messages_are_what_each_vehicle_would_publish(trajectory, recording):
+    for index in range(4):
+        topics = VehicleTopics("/platoon", index)
+        for topic, values in (
+            (topics.pose, trajectory.position[:, index]),
+            (topics.twist, trajectory.velocity[:, index]),
+            (topics.accel, trajectory.acceleration[:, index]),
+        ):
+            rows = recording[topic.name].messages
+            assert rows[7].tobytes() == topic.codec.encode(70_000_000, values[7])
+    received = VehicleTopics("/platoon", 2).received
+    assert recording[received.name].messages[9].tobytes() == received.codec.encode(
+        90_000_000, trajectory.received[9, 1]
+    )
+
+
+def test_a_recording_gives_back_the_trajectory_to_the_last_bit(trajectory, recording):
+    back = trajectory_of(recording, SCENARIO)
+    for name in ("position", "velocity", "acceleration", "received"):
+        assert getattr(back, name).tobytes() == getattr(trajectory, name).tobytes()
+
+
+def test_a_recording_is_cut_to_what_every_topic_has(trajectory, recording):
+    name = "/platoon/vehicle_2/twist"
+    short = {**recording, name: recording[name]._replace(messages=recording[name].messages[:50])}
+    assert len(trajectory_of(short, SCENARIO).position) == 50
+
+
+def test_a_missing_topic_is_named(recording):
+    name = "/platoon/vehicle_1/v2v/accel"
+    with pytest.raises(KeyError, match=name):
+        trajectory_of({key: value for key, value in recording.items() if key != name}, SCENARIO)
+
+
+def test_the_digest_is_the_hash_of_the_sorted_topic_hashes(recording):
+    lines = [
+        f"{name} {hashlib.sha256(recording[name].messages.tobytes()).hexdigest()}\n"
+        for name in sorted(recording)
+    ]
+    expected = hashlib.sha256("".join(lines).encode()).hexdigest()
+    assert digest(recording, "/platoon", 3) == expected
+    assert digest(dict(reversed(recording.items())), "/platoon", 3) == expected
+
+
+def test_topics_beside_the_run_do_not_count(recording):
+    more = {**recording, "/clock": TopicRecord("rosgraph_msgs/msg/Clock", np.zeros((3, 8), "u1"))}
+    assert digest(more, "/platoon", 3) == digest(recording, "/platoon", 3)
+
+
+def test_one_bit_changes_the_digest(recording):
+    for name in recording:
+        messages = recording[name].messages.copy()
+        messages[100, -1] ^= 1
+        changed = {**recording, name: recording[name]._replace(messages=messages)}
+        assert digest(changed, "/platoon", 3) != digest(recording, "/platoon", 3)
+
+
+def test_another_seed_another_digest():
+    digests = {
+        digest(recording_of(simulate(scenario)), "/platoon", 3)
+        for seed in (1, 2, 3)
+        for scenario in [
+            dataclasses.replace(SCENARIO, run=dataclasses.replace(SCENARIO.run, seed=seed))
+        ]
+    }
+    assert len(digests) == 3
+
+
+def test_parts_hold_what_was_written_wherever_they_were_cut(tmp_path, recording):
+    topics = digest_topics("/platoon", 3)
+    halves = [topics[::2], topics[1::2]]
+    folders = [tmp_path / "a", tmp_path / "b"]
+    for folder, half in zip(folders, halves, strict=True):
+        part = PartWriter(folder, half)
+        for topic in half:
+            for message in recording[topic.name].messages:
+                part.writers[topic.name](message.tobytes())
+        part.close()
+        part.close()
+    assert digest(read_parts(folders), "/platoon", 3) == digest(recording, "/platoon", 3)
+
+    file = next((tmp_path / "a").glob("*.cdr"))
+    file.write_bytes(file.read_bytes()[:-5])
+    counts = sorted(len(record.messages) for record in read_parts(folders).values())
+    assert counts == [200, *[201] * (len(topics) - 1)]
+    file.unlink()
+    assert 0 in {len(record.messages) for record in read_parts(folders).values()}
+
+
+def test_a_folder_that_is_no_part_is_passed_over(tmp_path):
+    (tmp_path / "empty").mkdir()
+    assert read_parts([tmp_path / "empty"]) == {}
+
+
+def test_a_part_is_never_overwritten(tmp_path):
+    PartWriter(tmp_path / "a", []).close()
+    with pytest.raises(FileExistsError):
+        PartWriter(tmp_path / "a", [])

@@ -1,0 +1,31 @@
+"""Names, types and frames of the graph, as the table of the README has them."""
+
+from msg_adapters.topics import VehicleTopics, digest_topics, queue_depth
+
+
+def test_a_vehicles_topics():
+    topics = VehicleTopics("/a/b", 3)
+    rows = [
+        (topic.name, topic.kind.type_name.rpartition("/")[2], topic.frame_id)
+        for topic in (
+            *(topics.pose, topics.twist, topics.accel, topics.received),
+            *(topics.command, topics.spacing_error),
+        )
+    ]
+    assert rows == [
+        ("/a/b/vehicle_3/pose", "PoseStamped", "map"),
+        ("/a/b/vehicle_3/twist", "TwistStamped", "vehicle_3/base_link"),
+        ("/a/b/vehicle_3/accel", "AccelStamped", "vehicle_3/base_link"),
+        ("/a/b/vehicle_3/v2v/accel", "AccelStamped", "vehicle_2/base_link"),
+        ("/a/b/vehicle_3/command", "AccelStamped", "vehicle_3/base_link"),
+        ("/a/b/vehicle_3/spacing_error", "Vector3Stamped", "vehicle_3/base_link"),
+    ]
+    assert topics.complete == "/a/b/vehicle_3/v2v/complete"
+
+
+def test_fifty_one_messages_a_sample_for_twelve_followers():
+    assert len(digest_topics("/platoon", 12)) == 51
+
+
+def test_queues_are_deeper_than_the_window():
+    assert all(queue_depth(window, 12) > window + 12 for window in (1, 64, 1000))

@@ -1,0 +1,76 @@
+"""Many noisy runs: their mean is the expectation run, and each is the run of its own seed."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cacc_platoon.scenario import Scenario
+from cacc_platoon.scenario_file import load_scenario
+from cacc_platoon.simulation import monte_carlo, simulate, with_seed
+
+CONFIG = Path(__file__).parents[2] / "config"
+SHORT = Scenario.from_values(
+    {
+        "platoon.followers": 3,
+        "run.duration": 8.0,
+        "run.step": 0.02,
+        "leader.start": 0.0,
+        "leader.angular_frequency": 1.0,
+    }
+)
+
+
+def test_the_mean_of_400_noisy_runs_is_the_expectation_run():
+    # paper, E[X] = X-bar; 4 standard errors at every vehicle and time
+    scenario = load_scenario(CONFIG / "paper_a.yaml", ["run.step=0.05", "run.duration=100"])
+    ensemble = monte_carlo(scenario, runs=400)
+    expected = simulate(scenario, "expected").spacing_error
+    assert ensemble.runs == 400
+    deviation = np.abs(ensemble.mean - expected)
+    assert np.all(deviation <= 4.0 * ensemble.standard_error + 1e-12)
+    assert ensemble.standard_error.max() > 1e-5
+
+
+def test_each_run_is_the_simulation_of_its_seed():
+    ensemble = monte_carlo(SHORT, runs=60)
+    errors = np.array([simulate(with_seed(SHORT, 1 + r)).spacing_error for r in range(60)])
+    np.testing.assert_array_equal(ensemble.max_abs_spacing_error, np.abs(errors).max(axis=1))
+    np.testing.assert_array_equal(ensemble.low, errors.min(axis=0))
+    np.testing.assert_array_equal(ensemble.high, errors.max(axis=0))
+    np.testing.assert_allclose(ensemble.mean, errors.mean(axis=0), atol=1e-13)
+    expected = errors.std(axis=0, ddof=1) / np.sqrt(60)
+    np.testing.assert_allclose(ensemble.standard_error, expected, atol=1e-8)
+
+
+def test_the_first_runs_of_a_larger_ensemble_are_the_same():
+    few, many = monte_carlo(SHORT, runs=3), monte_carlo(SHORT, runs=55)
+    np.testing.assert_array_equal(few.max_abs_spacing_error, many.max_abs_spacing_error[:3])
+
+
+def test_an_ensemble_is_noisy_whatever_the_scenario_says():
+    values = {**SHORT.values(), "v2v.noise": "none"}
+    ensemble = monte_carlo(Scenario.from_values(values), runs=2)
+    np.testing.assert_array_equal(
+        ensemble.max_abs_spacing_error, monte_carlo(SHORT, runs=2).max_abs_spacing_error
+    )
+
+
+def test_one_run_has_no_spread():
+    ensemble = monte_carlo(SHORT, runs=1)
+    assert np.all(ensemble.standard_error == 0.0)
+    np.testing.assert_array_equal(ensemble.low, ensemble.high)
+
+
+def test_progress_is_told():
+    told = []
+    monte_carlo(SHORT, runs=70, progress=lambda *at: told.append(at))
+    assert told == [(50, 70), (70, 70)]
+
+
+@pytest.mark.parametrize("seed", [0, 2**63 - 1])
+def test_another_seed_is_another_run_of_the_same_scenario(seed):
+    other = with_seed(SHORT, seed)
+    assert dataclasses.replace(other, run=SHORT.run) == SHORT
+    assert not np.array_equal(simulate(other).received, simulate(SHORT).received)
