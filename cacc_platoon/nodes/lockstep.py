@@ -137,7 +137,7 @@ class LockstepFollower:
         )
         if not math.isfinite(command):
             raise LockstepError(
-                f"{self._name}: command at {_seconds(stamp)} is {command}: own state {tuple(state)}, "
+                f"{self._name}: command at {_seconds(stamp)} is {command}: own state {(*state,)}, "
                 f"predecessor's position {position} m and velocity {velocity} m/s, "
                 f"received acceleration {acceleration} m/s^2"
             )

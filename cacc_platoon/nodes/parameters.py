@@ -46,7 +46,9 @@ def descriptor(row: Parameter) -> ParameterDescriptor:
     return description
 
 
-def declare(node: Node, scenario: Scenario, overrides: Mapping[str, Any], groups: tuple[str, ...]) -> None:
+def declare(
+    node: Node, scenario: Scenario, overrides: Mapping[str, Any], groups: tuple[str, ...]
+) -> None:
     """Declare the parameters of some groups with the values the node will use."""
     values = {**scenario.values(), **overrides}
     rows = [row for row in TABLE.values() if row.name.partition(".")[0] in groups]

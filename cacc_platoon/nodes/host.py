@@ -1,0 +1,143 @@
+"""A host: one process with an executor, some nodes, and a recorder of what they publish."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+import rclpy
+from rclpy.executors import Executor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+from cacc_platoon.nodes import shared_memory
+from cacc_platoon.nodes.executor import create_executor, spin_for
+from cacc_platoon.nodes.leader import LeaderNode
+from cacc_platoon.nodes.lockstep import LockstepError
+from cacc_platoon.nodes.noise_relay import NoiseRelayNode
+from cacc_platoon.nodes.recorder import RecorderNode
+from cacc_platoon.nodes.session import HostSession
+from cacc_platoon.nodes.vehicle import VehicleNode
+from cacc_platoon.scenario import Scenario
+from msg_adapters.topics import Topic, VehicleTopics
+
+NODE_CLASSES = {"leader": LeaderNode, "vehicle": VehicleNode, "noise_relay": NoiseRelayNode}
+POLL_PERIOD = 0.05
+FLUSH_PERIOD = 0.5
+GOODBYE_TIMEOUT = 2.0
+
+
+@dataclass(frozen=True)
+class HostPlan:
+    """What one host runs: pairs of node name and vehicle index, and where it records."""
+
+    name: str
+    nodes: tuple[tuple[str, int], ...]
+    scenario: Scenario
+    part: Path
+
+
+def published_topics(scenario: Scenario, kind: str, index: int) -> list[Topic]:
+    """Return the recorded topics that a node publishes."""
+    topics = VehicleTopics(scenario.platoon.namespace, index)
+    if kind == "noise_relay":
+        return [topics.received]
+    published = [topics.pose, topics.twist, topics.accel]
+    if kind == "vehicle" and scenario.record.command:
+        published.append(topics.command)
+    if kind == "vehicle" and scenario.record.spacing_error:
+        published.append(topics.spacing_error)
+    return published
+
+
+def run_host(plan: HostPlan, lifeline: Connection) -> None:
+    """Run a host in a process of its own until the supervisor ends the run or is gone.
+
+    Parameters
+    ----------
+    plan : HostPlan
+        What to run.
+    lifeline : Connection
+        Reading end of a pipe whose other end the supervisor holds: it closes when that dies.
+    """
+    stop = StopSignal(signal.SIGTERM)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    topics = [
+        topic
+        for kind, index in plan.nodes
+        for topic in published_topics(plan.scenario, kind, index)
+    ]
+    recorder = RecorderNode(plan.scenario, plan.name, topics, plan.part)
+    nodes: list[Node] = [recorder]
+    nodes += [NODE_CLASSES[kind](plan.scenario, index) for kind, index in plan.nodes]
+    session = HostSession(plan.name, nodes, plan.scenario, recorder)
+    sys.exit(serve(nodes, session, recorder, stop, lifeline.poll))
+
+
+class StopSignal:
+    """Remembers that one of some signals has come, to be acted on between callbacks."""
+
+    def __init__(self, *signals: signal.Signals) -> None:
+        self.received: signal.Signals | None = None
+        for number in signals:
+            signal.signal(number, self._on_signal)
+
+    def _on_signal(self, number: int, _frame: object) -> None:
+        self.received = signal.Signals(number)
+
+
+def serve(
+    nodes: Iterable[Node],
+    session: HostSession,
+    recorder: RecorderNode | None,
+    stop: StopSignal,
+    orphaned: Callable[[], bool] = lambda: False,
+) -> int:
+    """Spin the nodes of a host until the run has ended; close the part; return the exit code."""
+    nodes = list(nodes)
+    executor = create_executor()
+    for node in nodes:
+        executor.add_node(node)
+    shared_memory.note_segments()
+    try:
+        _spin(executor, session, recorder, stop, orphaned)
+    finally:
+        if recorder:
+            recorder.close()
+    session.close(recorder.samples if recorder else {}, GOODBYE_TIMEOUT)
+    executor.shutdown()
+    for node in nodes:
+        node.destroy_node()
+    rclpy.try_shutdown()
+    shared_memory.forget_segments()
+    return 0 if session.finished else 1
+
+
+def _spin(
+    executor: Executor,
+    session: HostSession,
+    recorder: RecorderNode | None,
+    stop: StopSignal,
+    orphaned: Callable[[], bool],
+) -> None:
+    flushed = time.monotonic()
+    while not session.ended:
+        try:
+            spin_for(executor, POLL_PERIOD)
+        except LockstepError as error:
+            session.fail(str(error))
+        session.poll()
+        if recorder and time.monotonic() - flushed > FLUSH_PERIOD:
+            recorder.flush()
+            flushed = time.monotonic()
+        if stop.received:
+            session.fail(f"{session.host} was stopped by {stop.received.name}")
+            return
+        if orphaned() or session.abandoned:
+            return

@@ -1,0 +1,35 @@
+"""Vehicle 0: publishes its profile as far as the supervisor's horizon lets it."""
+
+from __future__ import annotations
+
+from std_msgs.msg import Int64
+
+from cacc_platoon.model import State
+from cacc_platoon.nodes import qos
+from cacc_platoon.nodes.lockstep import LockstepLeader
+from cacc_platoon.nodes.node import PlatoonNode
+from cacc_platoon.scenario import Scenario
+from msg_adapters.topics import PlatoonTopics
+
+
+class LeaderNode(PlatoonNode):
+    """The leader; see `PlatoonNode` for its arguments."""
+
+    def __init__(self, scenario: Scenario | None = None, index: int | None = None) -> None:
+        super().__init__("leader", ("platoon", "leader", "run"), scenario, index)
+        pose = self.create_stream(self.topics.pose)
+        twist = self.create_stream(self.topics.twist)
+        accel = self.create_stream(self.topics.accel)
+
+        def publish_state(stamp: int, state: State[float]) -> None:
+            pose(stamp, state.position)
+            twist(stamp, state.velocity)
+            accel(stamp, state.acceleration)
+
+        leader = LockstepLeader(self.scenario, publish_state)
+        self.create_subscription(
+            Int64,
+            PlatoonTopics(self.scenario.platoon.namespace).horizon,
+            lambda message: leader.take_horizon(message.data),
+            qos.latched(),
+        )

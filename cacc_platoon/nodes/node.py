@@ -1,0 +1,87 @@
+"""What leader, vehicle and relay nodes share: a scenario, an index, and streams of samples."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from geometry_msgs.msg import AccelStamped, PoseStamped, TwistStamped, Vector3Stamped
+from rclpy.node import Node
+
+from cacc_platoon.nodes import parameters, qos
+from cacc_platoon.nodes.lockstep import LockstepError
+from cacc_platoon.scenario import Scenario
+from msg_adapters.stamped import ACCEL, POSE, TWIST, VECTOR, LayoutError
+from msg_adapters.topics import Topic, VehicleTopics
+
+MESSAGE_TYPES = {
+    POSE.type_name: PoseStamped,
+    TWIST.type_name: TwistStamped,
+    ACCEL.type_name: AccelStamped,
+    VECTOR.type_name: Vector3Stamped,
+}
+
+RECORD_PARAMETER = "record"
+
+
+class PlatoonNode(Node):  # type: ignore[misc]
+    """A node of one vehicle.
+
+    Parameters
+    ----------
+    name : str
+        Node name.
+    groups : tuple of str
+        Groups of the parameter table that the node declares.
+    scenario, index : Scenario and int, optional
+        The run and the vehicle; a node started by hand takes them from its parameters and its
+        namespace.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        groups: tuple[str, ...],
+        scenario: Scenario | None = None,
+        index: int | None = None,
+    ) -> None:
+        if scenario is None or index is None:
+            super().__init__(name, automatically_declare_parameters_from_overrides=True)
+            index = parameters.vehicle_index(self.get_namespace(), name)
+            scenario = parameters.scenario_of(self, RECORD_PARAMETER)
+        else:
+            namespace = VehicleTopics(scenario.platoon.namespace, index).namespace
+            super().__init__(name, namespace=namespace, use_global_arguments=False)
+        self.scenario, self.index = scenario, index
+        self.topics = VehicleTopics(scenario.platoon.namespace, index)
+        self.predecessor = VehicleTopics(scenario.platoon.namespace, index - 1)
+        own = scenario.overrides.get(index, {})
+        parameters.declare(self, scenario, own, groups)
+
+    def create_stream(self, topic: Topic) -> Callable[..., None]:
+        """Return a function that publishes (stamp [ns], x[, y]) on a topic."""
+        message_type = MESSAGE_TYPES[topic.kind.type_name]
+        publisher = self.create_publisher(message_type, topic.name, qos.stream(self.scenario))
+        publish, encode = publisher.publish, topic.codec.encode
+
+        def send(stamp: int, x: float, y: float = 0.0) -> None:
+            publish(encode(stamp, x, y))
+
+        return send
+
+    def follow_stream(self, topic: Topic, take: Callable[[int, float], None]) -> None:
+        """Call `take` with stamp [ns] and x of every message of a topic."""
+        decode = topic.codec.decode
+
+        def receive(data: bytes) -> None:
+            try:
+                stamp, value = decode(data)
+            except LayoutError as error:
+                raise LockstepError(
+                    f"{topic.name}: a message {error}: it comes from another publisher"
+                ) from error
+            take(stamp, value)
+
+        message_type = MESSAGE_TYPES[topic.kind.type_name]
+        self.create_subscription(
+            message_type, topic.name, receive, qos.stream(self.scenario), raw=True
+        )

@@ -1,0 +1,305 @@
+"""A whole run from start to finish: hosts, barrier, progress, watch, end, run folder."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import rclpy
+from rclpy.executors import Executor
+from rclpy.signals import SignalHandlerOptions
+
+from cacc_platoon.nodes import shared_memory
+from cacc_platoon.nodes.diagnosis import diagnose
+from cacc_platoon.nodes.executor import create_executor, spin_for
+from cacc_platoon.nodes.host import GOODBYE_TIMEOUT
+from cacc_platoon.nodes.launcher import HostProcesses, plan_hosts
+from cacc_platoon.nodes.lockstep import LockstepError
+from cacc_platoon.nodes.recorder import RecorderNode
+from cacc_platoon.nodes.session import FAILED, FINISHED, HostSession
+from cacc_platoon.nodes.supervisor import GRAPH_PERIOD, SupervisorNode
+from cacc_platoon.run_folder import RunFolder
+from cacc_platoon.scenario import Scenario
+from msg_adapters.recording import read_parts
+from msg_adapters.topics import digest_topics
+
+TICK = 0.02
+NEWCOMER_WAIT = 0.3
+INTERRUPTED = "interrupted"
+
+Observer = Callable[[str, int, int], None]
+"""Called with what is going on, the sample reached and the number of samples."""
+
+
+class RunFailedError(Exception):
+    """The run cannot go on; the line names the node, its last sample and what was missing."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a run ended.
+
+    Attributes
+    ----------
+    status : str
+        "finished", "failed" or "interrupted".
+    message : str
+        Why it did not finish; empty otherwise.
+    info : dict
+        What run.json says.
+    """
+
+    status: str
+    message: str
+    info: dict[str, Any]
+
+
+def run_platoon(
+    scenario: Scenario,
+    path: Path,
+    observe: Observer = lambda *_: None,
+    stopped: Callable[[], str | None] = lambda: None,
+) -> Outcome:
+    """Run a scenario on real nodes and leave a finished run folder.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        What to run.
+    path : Path
+        The run folder, made here.
+    observe : callable, optional
+        Hears about progress.
+    stopped : callable, optional
+        Returns the name of a signal that asks for the end of the run, or None.
+
+    Raises
+    ------
+    UserError
+        When the run cannot start; nothing is left behind then.
+    """
+    shared_memory.sweep()
+    plans = plan_hosts(scenario, path / "parts") if scenario.run.spawn else []
+    folder = RunFolder.create(path, scenario)
+    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    supervision = Supervision(scenario, folder, observe, stopped)
+    processes = HostProcesses()
+    status, message = FINISHED, ""
+    try:
+        supervision.refuse_second_platoon()
+        processes.start(plans)
+        supervision.conduct(processes)
+    except RunFailedError as failure:
+        status, message = FAILED, str(failure)
+        if stopped():
+            status = INTERRUPTED
+    message = supervision.end(status, message, processes)
+    recording = {**folder.recording(), **supervision.parts_elsewhere()}
+    info = folder.finish(
+        scenario,
+        recording,
+        {"status": status, "message": message, **supervision.measured()},
+        lambda k, n: observe("writing the bag", k, n),
+    )
+    return Outcome(status, message, info)
+
+
+class Supervision:
+    """The steps of a run, in the supervisor's process."""
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        folder: RunFolder,
+        observe: Observer,
+        stopped: Callable[[], str | None],
+    ) -> None:
+        self._scenario, self._folder = scenario, folder
+        self._observe, self._stopped = observe, stopped
+        self._node = SupervisorNode(scenario)
+        self._executor: Executor = create_executor()
+        self._executor.add_node(self._node)
+        self._recorder: RecorderNode | None = None
+        self._session: HostSession | None = None
+        self._begun = time.monotonic()
+        self._first_sample = self._last_sample = 0.0
+        shared_memory.note_segments()
+
+    def refuse_second_platoon(self) -> None:
+        """Give way when the namespace is taken, before any host is started."""
+        self._wait(lambda: self._elapsed(self._begun) > NEWCOMER_WAIT, "looking around")
+        self._check_graph()
+
+    def conduct(self, processes: HostProcesses) -> None:
+        """Bring the run from waiting to its last sample.
+
+        Raises
+        ------
+        RunFailedError
+            When a node does not appear, dies, stalls or reports a failure, or on a signal.
+        """
+        node, limit = self._node, self._scenario.run.start_timeout
+        began = time.monotonic()
+
+        def started(missing: list[str], what: str) -> bool:
+            if missing and self._elapsed(began) > limit:
+                raise RunFailedError(
+                    f"after {limit:g} s {what}: {_some(missing)}. Start what is missing, or raise "
+                    "run.start_timeout."
+                )
+            return not missing
+
+        self._wait(
+            lambda: started(node.absent_nodes(), "these nodes have not appeared"),
+            "starting nodes",
+            processes,
+        )
+        self._record_the_rest()
+        node.begin_matching()
+        self._wait(
+            lambda: started(node.unmatched(), "these connections are missing"),
+            "connecting nodes",
+            processes,
+        )
+        self._check_graph()
+        node.begin_running()
+        self._first_sample = time.monotonic()
+        self._follow_progress(processes)
+        self._last_sample = time.monotonic()
+
+    def end(self, status: str, message: str, processes: HostProcesses) -> str:
+        """End hosts and nodes in good order; return the message, with a diagnosis if it stalled."""
+        node = self._node
+        dead = {ended.name for ended in processes.ended()}
+        node.end(FINISHED if status == FINISHED else FAILED, message)
+        if self._recorder and self._session:
+            self._recorder.close()
+            self._session.close(self._recorder.samples, 0.0)
+        deadline = time.monotonic() + GOODBYE_TIMEOUT + 1.0
+        while time.monotonic() < deadline and not all(
+            host["state"] == "closed" or name in dead for name, host in node.hosts.items()
+        ):
+            self._spin()
+            dead |= {ended.name for ended in processes.ended()}
+        if status == FAILED:
+            message = f"{message}; {diagnose(self._scenario, node.hosts, node.progress)}"
+        processes.stop()
+        self._executor.shutdown()
+        if self._recorder:
+            self._recorder.destroy_node()
+        node.destroy_node()
+        rclpy.try_shutdown()
+        shared_memory.forget_segments()
+        shared_memory.sweep()
+        return message
+
+    def parts_elsewhere(self) -> dict[str, Any]:
+        """Return what hosts recorded outside of the run folder, as far as it is on this machine."""
+        parts = [Path(host["part"]) for host in self._node.hosts.values() if host["part"]]
+        return read_parts(
+            [part for part in parts if self._folder.parts.absolute() not in part.parents]
+        )
+
+    def measured(self) -> dict[str, Any]:
+        """Return times, progress and hosts for run.json."""
+        wall = max(0.0, self._last_sample - self._first_sample)
+        recorded = {topic for host in self._node.hosts.values() for topic in host["records"]}
+        run, platoon = self._scenario.run, self._scenario.platoon
+        return {
+            "samples": self._node.progress + 1,
+            "wall_time": wall,
+            "real_time_factor": run.duration / wall if wall else None,
+            "start_time": max(0.0, self._first_sample - self._begun),
+            "hosts": self._node.host_summaries(),
+            "unrecorded": [
+                topic.name
+                for topic in digest_topics(platoon.namespace, platoon.followers)
+                if topic.name not in recorded
+            ],
+        }
+
+    def _follow_progress(self, processes: HostProcesses) -> None:
+        node, limit = self._node, self._scenario.run.stall_timeout
+        progress, moved, graph = node.progress, time.monotonic(), time.monotonic()
+        if self._scenario.run.real_time_factor:
+            limit += (
+                self._scenario.run.step
+                * node.scenario.run.window
+                / (self._scenario.run.real_time_factor)
+            )
+
+        def complete() -> bool:
+            nonlocal progress, moved, graph
+            now = time.monotonic()
+            if node.progress > progress:
+                progress, moved = node.progress, now
+            elif now - moved > limit:
+                raise RunFailedError(f"no progress for {limit:g} s")
+            if now - graph > GRAPH_PERIOD:
+                graph = now
+                self._check_graph()
+            return node.complete
+
+        self._wait(complete, "running", processes)
+
+    def _record_the_rest(self) -> None:
+        """Record in this process what no host records."""
+        missing = set(self._node.unrecorded_topics())
+        if not missing:
+            return
+        platoon = self._scenario.platoon
+        topics = [
+            t for t in digest_topics(platoon.namespace, platoon.followers) if t.name in missing
+        ]
+        part = self._folder.parts / "supervisor"
+        self._recorder = RecorderNode(self._scenario, "supervisor", topics, part)
+        self._executor.add_node(self._recorder)
+        self._session = HostSession("supervisor", [self._recorder], self._scenario, self._recorder)
+        self._wait(lambda: "supervisor" in self._node.hosts, "starting nodes")
+
+    def _wait(
+        self, done: Callable[[], bool], what: str, processes: HostProcesses | None = None
+    ) -> None:
+        """Spin until something is done; raise RunFailedError when the run cannot go on."""
+        while not done():
+            self._observe(what, self._node.progress + 1, self._scenario.samples)
+            self._spin()
+            if signal_name := self._stopped():
+                raise RunFailedError(f"stopped by {signal_name}")
+            if failures := self._node.failures():
+                raise RunFailedError("; ".join(failures))
+            for ended in processes.ended() if processes else ():
+                nodes = self._node.hosts.get(ended.name, {}).get("nodes", ["before it appeared"])
+                raise RunFailedError(
+                    f"host {ended.name} (process {ended.pid}: {_some(nodes)}) {ended.how}"
+                )
+
+    def _spin(self) -> None:
+        try:
+            spin_for(self._executor, TICK)
+        except LockstepError as error:
+            raise RunFailedError(str(error)) from error
+        self._node.poll()
+        if self._session:
+            self._session.poll()
+        if self._recorder:
+            self._recorder.flush()
+
+    def _check_graph(self) -> None:
+        if foreign := self._node.foreign_publishers():
+            raise RunFailedError(
+                f"{foreign[0]}: another platoon or publisher uses these names. Give one of them "
+                "another platoon.namespace or ROS_DOMAIN_ID"
+            )
+
+    @staticmethod
+    def _elapsed(since: float) -> float:
+        return time.monotonic() - since
+
+
+def _some(items: list[str], limit: int = 6) -> str:
+    more = f" and {len(items) - limit} more" if len(items) > limit else ""
+    return ", ".join(items[:limit]) + more

@@ -1,0 +1,194 @@
+"""The supervisor: starts the run when everybody is connected, paces it, watches it, ends it."""
+
+from __future__ import annotations
+
+import json
+import time
+from typing import Any
+
+from rclpy.node import Node
+from std_msgs.msg import Int64, String
+
+from cacc_platoon.nodes import parameters, qos
+from cacc_platoon.nodes.session import HEARTBEAT_PERIOD, MATCHING, RUNNING, WAITING
+from cacc_platoon.parameter_table import GROUPS
+from cacc_platoon.scenario import Scenario
+from cacc_platoon.scenario_file import format_scenario
+from msg_adapters.topics import PlatoonTopics, digest_topics
+
+MAX_HOSTS = 1000
+GRAPH_PERIOD = 1.0
+
+
+class SupervisorNode(Node):  # type: ignore[misc]
+    """Publishes horizon, status and scenario; hears what hosts say and how far recorders are.
+
+    Attributes
+    ----------
+    hosts : dict of str to dict
+        Last word of each host.
+    progress : int
+        Sample up to which everything is recorded, -1 before the first.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        prefix = scenario.platoon.namespace
+        super().__init__("supervisor", namespace=prefix, use_global_arguments=False)
+        parameters.declare(self, scenario, {}, tuple(GROUPS))
+        self.scenario = scenario
+        self.hosts: dict[str, dict[str, Any]] = {}
+        self.progress = -1
+        self.state = WAITING
+        self.message = ""
+        self._recorded: dict[str, int] = {}
+        self._subscribers: dict[str, int] = {}
+        self._last = scenario.samples - 1
+        self._heartbeat = 0.0
+        self._started = 0.0
+        self.topics = PlatoonTopics(prefix)
+        latched = qos.latched()
+        self._horizon = self.create_publisher(Int64, self.topics.horizon, latched)
+        self._status = self.create_publisher(String, self.topics.status, latched)
+        self._scenario_publisher = self.create_publisher(String, self.topics.scenario, latched)
+        self._scenario_publisher.publish(String(data=format_scenario(scenario)))
+        heard = qos.latched()
+        heard.depth = MAX_HOSTS
+        self.create_subscription(String, self.topics.host_state, self._on_host_state, heard)
+
+    @property
+    def complete(self) -> bool:
+        """Whether every sample is recorded."""
+        return self.progress >= self._last
+
+    def absent_nodes(self) -> list[str]:
+        """Return the nodes of the platoon that have not appeared."""
+        present = {node for host in self.hosts.values() for node in host["nodes"]}
+        expected = ["vehicle_0/leader"]
+        for index in range(1, self.scenario.platoon.followers + 1):
+            expected += [f"vehicle_{index}/vehicle", f"vehicle_{index}/noise_relay"]
+        return [node for node in expected if node not in present]
+
+    def unrecorded_topics(self) -> list[str]:
+        """Return the topics of the digest that no host records."""
+        covered = {topic for host in self.hosts.values() for topic in host["records"]}
+        return [topic.name for topic in self._digest_topics() if topic.name not in covered]
+
+    def begin_matching(self) -> None:
+        """Tell everybody which connections to wait for."""
+        data = {topic.name for topic in self._digest_topics()}
+        for host in self.hosts.values():
+            for topic in host["subscribes"]:
+                if topic in data:
+                    self._subscribers[topic] = self._subscribers.get(topic, 0) + 1
+        self._change(MATCHING)
+
+    def unmatched(self) -> list[str]:
+        """Return the connections that are still missing."""
+        missing = [
+            f"recorder of host {name}: its progress is not heard"
+            for name, count in self._progress_publishers().items()
+            if not count
+        ]
+        for name, host in self.hosts.items():
+            if host["state"] == "up":
+                missing += host["missing"] or [f"host {name} has not reported its connections"]
+        return missing
+
+    def begin_running(self) -> None:
+        """Let the leader go."""
+        self._started = time.monotonic()
+        self._change(RUNNING)
+        self._publish_horizon()
+
+    def end(self, state: str, message: str) -> None:
+        """Tell everybody that the run has ended, and how."""
+        self.message = message
+        self._change(state)
+
+    def poll(self) -> None:
+        """Keep the heartbeat, and the pace when it is limited."""
+        if self.state == RUNNING and self.scenario.run.real_time_factor:
+            self._publish_horizon()
+        if time.monotonic() - self._heartbeat > HEARTBEAT_PERIOD:
+            self._publish_status()
+
+    def failures(self) -> list[str]:
+        """Return what hosts have reported as failures."""
+        return [host["failure"] for host in self.hosts.values() if host["failure"]]
+
+    def foreign_publishers(self) -> list[str]:
+        """Return the topics of this platoon that somebody else publishes too, with who it is."""
+        own = {topic.name for topic in self._digest_topics()} | {
+            self.topics.horizon,
+            self.topics.status,
+        }
+        found = []
+        for topic in sorted(own):
+            publishers = self.get_publishers_info_by_topic(topic)
+            if len(publishers) > 1:
+                names = sorted(
+                    f"{info.node_namespace.rstrip('/')}/{info.node_name}" for info in publishers
+                )
+                found.append(f"{topic} has {len(names)} publishers: {', '.join(names)}")
+        return found
+
+    def host_summaries(self) -> list[dict[str, Any]]:
+        """Return name, process and nodes of every host, for run.json and the status."""
+        return [
+            {"name": name, "pid": host["pid"], "nodes": host["nodes"]}
+            for name, host in sorted(self.hosts.items())
+        ]
+
+    def _digest_topics(self) -> list[Any]:
+        return digest_topics(self.scenario.platoon.namespace, self.scenario.platoon.followers)
+
+    def _on_host_state(self, message: String) -> None:
+        host = json.loads(message.data)
+        name = host["host"]
+        if name not in self.hosts and host["records"]:
+            self._recorded[name] = -1
+            topic = f"{self.scenario.platoon.namespace}/host_{name}/recorded"
+            self.create_subscription(
+                Int64, topic, lambda heard: self._on_recorded(name, heard.data), qos.latched()
+            )
+        self.hosts[name] = host
+
+    def _on_recorded(self, host: str, sample: int) -> None:
+        self._recorded[host] = sample
+        progress = min(self._recorded.values())
+        if progress > self.progress:
+            self.progress = progress
+            self._publish_horizon()
+
+    def _progress_publishers(self) -> dict[str, int]:
+        prefix = f"{self.scenario.platoon.namespace}/host_"
+        return {
+            topic.removeprefix(prefix).removesuffix("/recorded"): count
+            for subscription in self.subscriptions
+            if (topic := subscription.topic_name).startswith(prefix) and topic.endswith("/recorded")
+            for count in [subscription.get_publisher_count()]
+        }
+
+    def _publish_horizon(self) -> None:
+        run = self.scenario.run
+        horizon = self.progress + run.window
+        if run.real_time_factor:
+            elapsed = time.monotonic() - self._started
+            horizon = min(horizon, int(elapsed * run.real_time_factor / run.step))
+        self._horizon.publish(Int64(data=horizon))
+
+    def _change(self, state: str) -> None:
+        self.state = state
+        self._publish_status()
+
+    def _publish_status(self) -> None:
+        self._heartbeat = time.monotonic()
+        status = {
+            "state": self.state,
+            "sample": self.progress,
+            "samples": self._last + 1,
+            "message": self.message,
+            "hosts": self.host_summaries(),
+            "subscribers": self._subscribers,
+        }
+        self._status.publish(String(data=json.dumps(status)))

@@ -1,0 +1,59 @@
+"""A follower: follows its predecessor's pose and twist and its own relay's acceleration."""
+
+from __future__ import annotations
+
+from std_msgs.msg import Int64
+
+from cacc_platoon.model import ControlLaw, State
+from cacc_platoon.nodes import qos
+from cacc_platoon.nodes.lockstep import LockstepFollower
+from cacc_platoon.nodes.node import PlatoonNode
+from cacc_platoon.scenario import Scenario
+
+
+class VehicleNode(PlatoonNode):
+    """A follower under a control law; see `PlatoonNode` for its arguments."""
+
+    def __init__(
+        self,
+        scenario: Scenario | None = None,
+        index: int | None = None,
+        law: ControlLaw | None = None,
+    ) -> None:
+        groups = ("platoon", "vehicle", "controller", "run", "record")
+        super().__init__("vehicle", groups, scenario, index)
+        pose = self.create_stream(self.topics.pose)
+        twist = self.create_stream(self.topics.twist)
+        accel = self.create_stream(self.topics.accel)
+
+        def publish_state(stamp: int, state: State[float]) -> None:
+            pose(stamp, state.position)
+            twist(stamp, state.velocity)
+            accel(stamp, state.acceleration)
+
+        record = self.scenario.record
+        command = self.create_stream(self.topics.command) if record.command else None
+        error = self.create_stream(self.topics.spacing_error) if record.spacing_error else None
+
+        def publish_command(stamp: int, u: float, delta: float, gap_error: float) -> None:
+            if command:
+                command(stamp, u)
+            if error:
+                error(stamp, delta, gap_error)
+
+        core = LockstepFollower(
+            self.scenario.follower(self.index),
+            self.scenario,
+            publish_state,
+            publish_command if command or error else None,
+            law,
+        )
+        self.follow_stream(self.predecessor.pose, core.take_position)
+        self.follow_stream(self.predecessor.twist, core.take_velocity)
+        self.follow_stream(self.topics.received, core.take_acceleration)
+        self.create_subscription(
+            Int64,
+            self.topics.complete,
+            lambda message: core.take_loss(message.data),
+            qos.stream(self.scenario),
+        )
