@@ -1,5 +1,9 @@
 """Which headway and gains are string stable, how much they tolerate, and which to choose."""
 
+from cacc_platoon.design.answer import (
+    Question,
+    answer,
+)
 from cacc_platoon.design.certificate import (
     Certificate,
     NoiseStatistics,
@@ -35,6 +39,11 @@ from cacc_platoon.design.exact import (
     propagation_margins,
     robust_string_stability_map,
     string_stability_map,
+)
+from cacc_platoon.design.explain import (
+    explain_bounds,
+    explain_design,
+    verdict,
 )
 from cacc_platoon.design.extensions import (
     MultiPredecessorBounds,
@@ -89,6 +98,9 @@ from cacc_platoon.design.sampled import (
     is_sampled_string_stable,
     sampled_stability_map,
 )
+from cacc_platoon.design.text import (
+    render,
+)
 from cacc_platoon.design.transfer import (
     frequency_response,
     gamma,
@@ -114,9 +126,11 @@ __all__ = [
     "NoiseStatistics",
     "Optimum",
     "PaperRegion",
+    "Question",
     "Recommendation",
     "Requirements",
     "SampledCertificate",
+    "answer",
     "assess",
     "certify",
     "certify_chain",
@@ -126,6 +140,8 @@ __all__ = [
     "effective_interval",
     "equivalent_gains",
     "exact_region",
+    "explain_bounds",
+    "explain_design",
     "fallback_headway",
     "frequency_response",
     "gamma",
@@ -159,6 +175,7 @@ __all__ = [
     "reception_interval",
     "reception_minimum_headway",
     "recommend",
+    "render",
     "rho_from_snr_db",
     "robust_string_stability_map",
     "sampled_stability_map",
@@ -167,5 +184,6 @@ __all__ = [
     "stable_gain_range",
     "string_stability_map",
     "uniform_error_bound",
+    "verdict",
     "worst_l2_gain",
 ]

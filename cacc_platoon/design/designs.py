@@ -146,7 +146,7 @@ def assess(
     --------
     >>> design = assess(Gains(0.95, 0.5, 0.63, 0.009), 5.0, 0.5, Requirements(latency=0.1))
     >>> design.unmet
-    ('latency margin 0.0818 s is below 0.11 s = latency + period',)
+    ('latency margin 0.08175 s is below 0.11 s = latency + period',)
     """
     ask = requirements or Requirements()
     linf = max(linf_gain(gains, tau_max, k) for k in effective_interval(gains.k_a, rho))

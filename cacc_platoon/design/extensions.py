@@ -118,6 +118,12 @@ def multi_predecessor_bounds(
     """
     _check_count(predecessors)
     r = predecessors
+    require(
+        k_a < 1.0 / (r * effective_interval(1.0, rho).high),
+        f"k_a = {k_a:g} for each of {r} predecessors is not below "
+        f"{1.0 / (r * effective_interval(1.0, rho).high):.6g} = 1/(r (1 + 1/rho)): their sum may "
+        "reach 1 and no headway is string stable. Lower k_a.",
+    )
     low, _ = checked_interval(r * k_a, rho)
     best = optimum(rho, tau_max)
     return MultiPredecessorBounds(

@@ -119,7 +119,7 @@ def _filter(
             f"max_headway = {ask.max_headway} s leaves no robust region that can be sampled: it is "
             "too close to the exact minimum, where k_p has no upper limit. Raise max_headway.",
         )
-    for name, limit, unit, measure in _demands(estimates, ask):
+    for name, shown, unit, limit, measure in _demands(estimates, ask):
         if not len(c):
             break
         cost = measure(c)
@@ -127,7 +127,7 @@ def _filter(
             best = abs(float(np.min(cost)))
             require(
                 bool(np.min(cost) <= limit),
-                f"{name} = {abs(limit):.6g}{unit} is out of reach: the best of the designs that "
+                f"{name} = {shown:.6g}{unit} is out of reach: the best of the designs that "
                 f"meet the other requirements has {best:.4g}{unit}, so string stability would be "
                 f"lost. Relax {name}, raise max_headway or lower tau_max.",
             )
@@ -137,8 +137,8 @@ def _filter(
 
 def _demands(
     estimates: Estimates, ask: Requirements
-) -> list[tuple[str, float, str, Callable[[Candidates], NDArray[np.float64]]]]:
-    """List each requirement as an upper limit on a cost: its name, limit, unit and measure."""
+) -> list[tuple[str, float, str, float, Callable[[Candidates], NDArray[np.float64]]]]:
+    """List each requirement: name, value, unit, and the upper limit on which measure it means."""
 
     def lost_period(c: Candidates) -> NDArray[np.float64]:
         """Negative of the longest period among period, period/2, ... that a design tolerates."""
@@ -150,17 +150,17 @@ def _demands(
             period *= 0.5
         return np.zeros(len(c))
 
+    late = ask.latency_margin
     demands = [
-        ("latency + period", -_SAFETY * ask.latency_margin, " s", _latency_cost(estimates)),
-        ("period", -_SAFETY * ask.period, " s", lost_period),
+        ("latency + period", late, " s", -_SAFETY * late, _latency_cost(estimates)),
+        ("period", ask.period, " s", -_SAFETY * ask.period, lost_period),
     ]
     if ask.max_time_constant is not None:
-        demands.append(
-            ("max_time_constant", ask.max_time_constant, " s", estimates.slowest_time_constant)
-        )
+        slow = ask.max_time_constant
+        demands.append(("max_time_constant", slow, " s", slow, estimates.slowest_time_constant))
     if ask.max_linf is not None:
         limit = 1.0 + (ask.max_linf - 1.0) / _SAFETY + 1e-9
-        demands.append(("max_linf", limit, "", estimates.linf_gain))
+        demands.append(("max_linf", ask.max_linf, "", limit, estimates.linf_gain))
     return demands
 
 

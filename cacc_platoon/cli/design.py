@@ -1,0 +1,200 @@
+"""Choose time headway and gains for an SNR and an actuation lag, and certify a design."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+from pathlib import Path
+
+from cacc_platoon.design.answer import Question, answer
+from cacc_platoon.design.certificate import NoiseStatistics
+from cacc_platoon.design.designs import Recommendation, Requirements, paper_design
+from cacc_platoon.design.errors import DesignError
+from cacc_platoon.design.explain import explain_bounds, explain_design
+from cacc_platoon.design.gallery import save_gallery
+from cacc_platoon.design.paper import rho_from_snr_db
+from cacc_platoon.design.text import render
+from cacc_platoon.model.channel import expected_factor, factor_variance
+from cacc_platoon.model.control import Gains
+from cacc_platoon.parameter_table import V2V
+from cacc_platoon.scenario import Scenario
+from cacc_platoon.scenario_file import format_scenario
+
+_NOT_STRING_STABLE = 3
+_DURATION = 200.0
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of `platoon design`."""
+    question = parser.add_argument_group("question")
+    ratio = question.add_mutually_exclusive_group(required=True)
+    ratio.add_argument("--rho", type=float, help="signal-to-noise ratio, linear, > 1")
+    ratio.add_argument("--snr-db", type=float, help="signal-to-noise ratio [dB], > 0")
+    question.add_argument("--tau0", type=float, required=True, help="largest actuation lag [s]")
+    question.add_argument("--period", type=float, default=0.01, help="control period [s] (0.01)")
+    question.add_argument("--latency", type=float, default=0.0, help="V2V latency [s] (0)")
+    design = parser.add_argument_group("a design; all four are certified, some are kept")
+    design.add_argument("--ka", type=float, help="gain on the communicated acceleration [-]")
+    design.add_argument("--headway", type=float, help="time headway [s]")
+    design.add_argument("--kv", type=float, help="gain on the velocity error [1/s]")
+    design.add_argument("--kp", type=float, help="gain on the spacing error [1/s^2]")
+    design.add_argument(
+        "--k-effective", type=float, help="certify for this k_a E[w] at tau0 only, not the worst"
+    )
+    limits = parser.add_argument_group("what recommended designs must keep to")
+    limits.add_argument("--max-headway", type=float, help="longest headway [s] (2.5 tau0)")
+    limits.add_argument("--max-linf", type=float, help="largest L-infinity gain, >= 1")
+    limits.add_argument("--max-time-constant", type=float, help="slowest mode allowed [s]")
+    limits.add_argument(
+        "--recommend", action="store_true", help="recommend designs although one is given"
+    )
+    more = parser.add_argument_group("extensions")
+    more.add_argument("--predecessors", type=int, default=1, help="vehicles heard ahead (1)")
+    more.add_argument("--reception", type=float, default=1.0, help="least packet reception (1)")
+    output = parser.add_argument_group("output")
+    output.add_argument("--json", action="store_true", help="print one JSON object")
+    output.add_argument("--explain", action="store_true", help="print formulas with their numbers")
+    output.add_argument("--plot", type=Path, metavar="DIR", help="save pictures, SVG and PNG")
+    output.add_argument("--write", type=Path, metavar="FILE", help="write a scenario to run")
+    output.add_argument(
+        "--pick",
+        choices=("paper", "shortest", "robust", "balanced"),
+        default="balanced",
+        help="recommended design that --write and --plot take (balanced)",
+    )
+    output.add_argument(
+        "--check", action="store_true", help="exit code 3 when the design is not string stable"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Answer the question; see `add_arguments`."""
+    question = _question(args)
+    if args.write is not None and args.write.exists():
+        raise DesignError(
+            f"--write {args.write} exists: it would be overwritten. Choose another name."
+        )
+    if args.write is not None and args.predecessors != 1:
+        raise DesignError(
+            f"--write with --predecessors {args.predecessors} has no scenario: the vehicles hear "
+            "one predecessor. Leave out --write."
+        )
+    data, found = answer(question)
+    explanation = _explanation(question, found, args.pick) if args.explain else []
+    if args.json:
+        if explanation:
+            data["explanation"] = explanation
+        print(json.dumps(data, indent=2, allow_nan=False))
+    else:
+        print(render(data))
+        if explanation:
+            print("\n" + "\n".join(explanation))
+    if args.plot is not None:
+        chosen = _chosen(question, found, args.pick)
+        files = save_gallery(
+            args.plot,
+            chosen,
+            question.rho,
+            question.tau_max,
+            k_effective=question.k_effective,
+            recommendation=found,
+        )
+        print(f"{len(files)} pictures in {args.plot}", file=sys.stderr)
+    if args.write is not None:
+        _write(args.write, question, _chosen(question, found, args.pick))
+    if args.check and "certificate" in data and not data["certificate"]["string_stable"]:
+        return _NOT_STRING_STABLE
+    return 0
+
+
+def _question(args: argparse.Namespace) -> Question:
+    rho = rho_from_snr_db(args.snr_db) if args.rho is None else args.rho
+    numbers = {
+        f"--{name.replace('_', '-')}": value
+        for name, value in vars(args).items()
+        if isinstance(value, float)
+    }
+    for flag, value in numbers.items():
+        if not math.isfinite(value):
+            raise DesignError(
+                f"{flag} {value} is not a finite number: nothing can be computed. Give a number."
+            )
+    requirements = Requirements(
+        period=args.period,
+        latency=args.latency,
+        max_headway=args.max_headway,
+        max_linf=args.max_linf,
+        max_time_constant=args.max_time_constant,
+        k_a=args.ka,
+        time_headway=args.headway,
+    )
+    bits = V2V().bit_probabilities
+    complete = None not in (args.ka, args.headway, args.kv, args.kp)
+    if not complete and (args.kv is not None or args.kp is not None or args.check):
+        raise DesignError(
+            "--kv, --kp and --check need a whole design: half of one has no certificate. Give "
+            "--ka, --headway, --kv and --kp, or leave out --kv and --kp to have them chosen."
+        )
+    question = Question(
+        rho,
+        args.tau0,
+        requirements,
+        k_v=args.kv,
+        k_p=args.kp,
+        k_effective=args.k_effective,
+        noise=_noise(rho, bits, args.period),
+        recommend=args.recommend or not complete,
+        reception=args.reception,
+    )
+    return question.for_predecessors(args.predecessors)
+
+
+def _noise(rho: float, bits: tuple[float, ...], period: float) -> NoiseStatistics:
+    """Take mean and variance of the default bit channel, redrawn every period."""
+    if not rho > 1:
+        return NoiseStatistics()  # refused in words by the answer
+    return NoiseStatistics(expected_factor(rho, bits), factor_variance(rho, bits), period)
+
+
+def _chosen(question: Question, found: Recommendation | None, name: str) -> Gains:
+    """Return the given design, else the recommended one of that name."""
+    if question.gains is not None:
+        return question.gains
+    return found[name].gains if found else paper_design(question.rho, question.tau_max)
+
+
+def _explanation(question: Question, found: Recommendation | None, name: str) -> list[str]:
+    gains = _chosen(question, found, name)
+    title = "the given design" if question.gains else f"the design named {name}"
+    return [
+        *explain_bounds(question.rho, question.tau_max, question.k_a),
+        f"For {title}: " + ", ".join(f"{key} = {x:.6g}" for key, x in gains._asdict().items()),
+        *explain_design(gains, question.rho, question.tau_max),
+    ]
+
+
+def _write(path: Path, question: Question, gains: Gains) -> None:
+    """Write the design as a scenario that `platoon run` takes."""
+    step = question.requirements.period
+    scenario = Scenario.from_values(
+        {
+            "vehicle.tau": question.tau_max,
+            "vehicle.tau_max": question.tau_max,
+            **{f"controller.{name}": value for name, value in gains._asdict().items()},
+            "v2v.rho": question.rho,
+            "run.step": step,
+            "run.duration": round(math.ceil(_DURATION / step) * step, 9),
+        },
+        source=str(path),
+    )
+    try:
+        with path.open("x", encoding="utf-8") as file:
+            file.write(format_scenario(scenario))
+    except OSError as error:
+        raise DesignError(
+            f"--write {path} cannot be written ({error.strerror}): the design is not saved. "
+            "Choose another place."
+        ) from error
+    print(f"scenario in {path}", file=sys.stderr)

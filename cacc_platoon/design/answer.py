@@ -1,0 +1,240 @@
+"""One design question and its whole answer, as plain data ready for JSON."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from cacc_platoon.design.certificate import NoiseStatistics, certify
+from cacc_platoon.design.designs import Design, Recommendation, Requirements
+from cacc_platoon.design.explain import verdict
+from cacc_platoon.design.extensions import (
+    equivalent_gains,
+    fallback_headway,
+    is_reception_string_stable,
+    multi_predecessor_bounds,
+    multi_predecessor_gains,
+    reception_interval,
+    reception_minimum_headway,
+)
+from cacc_platoon.design.paper import (
+    effective_interval,
+    headway_bound,
+    k_a_max,
+    optimum,
+    paper_region,
+    snr_db_from_rho,
+)
+from cacc_platoon.design.recommend import recommend
+from cacc_platoon.design.region import (
+    conservatism,
+    exact_region,
+    infimum_headway,
+    minimum_headway,
+)
+from cacc_platoon.model.control import Gains
+
+__all__ = ["Question", "answer"]
+
+
+@dataclass(frozen=True)
+class Question:
+    """What a user asks `answer`; None leaves a value open.
+
+    Attributes
+    ----------
+    rho : float
+        Linear signal-to-noise ratio, > 1.
+    tau_max : float
+        Largest actuation lag [s].
+    requirements : Requirements
+        Given gain and headway, period, latency and limits.
+    k_v, k_p : float or None
+        With ``k_a`` and headway of the requirements they make a design to certify.
+    k_effective : float or None
+        Certify for this effective gain at `tau_max` only.
+    noise : NoiseStatistics
+        For the mean-square index.
+    recommend : bool
+        Whether to search for designs.
+    predecessors : int
+        Number of predecessors heard, 1 for the paper's platoon. Gains, headways and limits are
+        those of the equivalent one-predecessor platoon, see `for_predecessors`.
+    reception : float
+        Smallest packet reception probability.
+    """
+
+    rho: float
+    tau_max: float
+    requirements: Requirements = dataclasses.field(default_factory=Requirements)
+    k_v: float | None = None
+    k_p: float | None = None
+    k_effective: float | None = None
+    noise: NoiseStatistics = dataclasses.field(default_factory=NoiseStatistics)
+    recommend: bool = True
+    predecessors: int = 1
+    reception: float = 1.0
+
+    def for_predecessors(self, count: int) -> Question:
+        """Restate a question on a platoon with `count` predecessors as its equivalent one.
+
+        Gains, headway and longest headway of the question are then per predecessor.
+        """
+        unit = equivalent_gains(Gains(1.0, 1.0, 1.0, 1.0), count)
+
+        def scaled(value: float | None, factor: float) -> float | None:
+            return None if value is None else value * factor
+
+        ask = self.requirements
+        return dataclasses.replace(
+            self,
+            predecessors=count,
+            k_v=scaled(self.k_v, unit.k_v),
+            k_p=scaled(self.k_p, unit.k_p),
+            requirements=dataclasses.replace(
+                ask,
+                k_a=scaled(ask.k_a, unit.k_a),
+                time_headway=scaled(ask.time_headway, unit.time_headway),
+                max_headway=scaled(ask.max_headway, unit.time_headway),
+            ),
+        )
+
+    @property
+    def k_a(self) -> float:
+        """Given feed-forward gain, else the paper's ``k_a*``."""
+        given = self.requirements.k_a
+        return optimum(self.rho, self.tau_max).k_a if given is None else given
+
+    @property
+    def time_headway(self) -> float:
+        """Given headway [s], else 1 % above the paper's bound."""
+        given = self.requirements.time_headway
+        return 1.01 * headway_bound(self.k_a, self.rho, self.tau_max) if given is None else given
+
+    @property
+    def gains(self) -> Gains | None:
+        """The design to certify, None while a part of it is open."""
+        ask = self.requirements
+        if None in (ask.k_a, ask.time_headway, self.k_v, self.k_p):
+            return None
+        return Gains(self.time_headway, self.k_a, float(self.k_v or 0), float(self.k_p or 0))
+
+
+def answer(question: Question) -> tuple[dict[str, Any], Recommendation | None]:
+    """Answer a question in full.
+
+    Returns
+    -------
+    dict
+        Plain data; what is infinite or does not exist is None. Keys: ``rho snr_db tau0 k_a
+        k_a_max time_headway headway_bound optimal infimum_headway region exact_region
+        conservatism``, and where asked ``certificate verdict extensions recommended front``.
+    Recommendation or None
+        The designs found.
+
+    Raises
+    ------
+    DesignError
+        If a value is out of its range, or no design meets the requirements.
+
+    Examples
+    --------
+    >>> data, _ = answer(Question(5.0, 0.5, Requirements(k_a=0.5), recommend=False))
+    >>> round(data["headway_bound"]["paper"], 6), round(data["headway_bound"]["exact"], 6)
+    (0.9375, 0.714286)
+    """
+    data = _bounds(question)
+    ask = question.requirements
+    gains = question.gains
+    if gains is not None:
+        certificate = certify(
+            gains,
+            question.rho,
+            question.tau_max,
+            period=ask.period,
+            noise=question.noise,
+            k_effective=question.k_effective,
+        )
+        data["gains"] = gains._asdict()
+        data["certificate"] = dataclasses.asdict(certificate)
+        data["verdict"] = verdict(gains, question.rho, question.tau_max)
+    if question.predecessors != 1 or question.reception != 1.0:
+        data["extensions"] = _extensions(question)
+    found = recommend(question.rho, question.tau_max, ask) if question.recommend else None
+    if found is not None:
+        data["recommended"] = [_plain(design, question) for design in found.designs]
+        data["front"] = [_plain(design, question) for design in found.front]
+    return _finite(data), found
+
+
+def _bounds(question: Question) -> dict[str, Any]:
+    rho, tau_max, k_a = question.rho, question.tau_max, question.k_a
+    headway = question.time_headway
+    paper = paper_region(k_a, headway, rho, tau_max)
+    exact = exact_region(k_a, headway, rho, tau_max)
+    best = optimum(rho, tau_max)
+    return {
+        "rho": rho,
+        "snr_db": snr_db_from_rho(rho),
+        "tau0": tau_max,
+        "k_a": k_a,
+        "k_a_max": k_a_max(rho),
+        "time_headway": headway,
+        "effective_gain": list(effective_interval(k_a, rho)),
+        "headway_bound": {
+            "paper": headway_bound(k_a, rho, tau_max),
+            "exact": minimum_headway(k_a, rho, tau_max),
+        },
+        "optimal": {"k_a": best.k_a, "headway": best.time_headway},
+        "infimum_headway": infimum_headway(rho, tau_max),
+        "fallback_headway": fallback_headway(tau_max),
+        "region": {
+            **paper._asdict(),
+            "polygon": [list(corner) for corner in paper.polygon],
+            "nonempty": paper.nonempty,
+        },
+        "exact_region": {"nonempty": exact.nonempty, "k_p_min": exact.k_p_min},
+        "conservatism": conservatism(k_a, headway, rho, tau_max)._asdict(),
+    }
+
+
+def _extensions(question: Question) -> dict[str, Any]:
+    rho, tau_max, k_a, gains = question.rho, question.tau_max, question.k_a, question.gains
+    data: dict[str, Any] = {}
+    if question.predecessors != 1:
+        r = question.predecessors
+        bounds = multi_predecessor_bounds(k_a / r, rho, tau_max, r)
+        data["predecessors"] = {"count": r, "k_a": k_a / r, **bounds._asdict()}
+        if gains is not None:
+            data["predecessors"]["gains"] = multi_predecessor_gains(gains, r)._asdict()
+    if question.reception != 1.0:
+        p = question.reception
+        data["reception"] = {
+            "probability": p,
+            "effective_gain": list(reception_interval(k_a, rho, p)),
+            "minimum_headway": reception_minimum_headway(k_a, rho, tau_max, p),
+        }
+        if gains is not None:
+            stable = is_reception_string_stable(gains, rho, tau_max, p)
+            data["reception"]["string_stable"] = stable
+    return data
+
+
+def _plain(design: Design, question: Question) -> dict[str, Any]:
+    data = dataclasses.asdict(design)
+    data["gains"] = multi_predecessor_gains(design.gains, question.predecessors)._asdict()
+    data["unmet"] = list(design.unmet)
+    return data
+
+
+def _finite(value: Any) -> Any:
+    """Replace infinite numbers by None, which JSON knows."""
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

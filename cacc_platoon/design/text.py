@@ -1,0 +1,134 @@
+"""An answer as text for a terminal."""
+
+from __future__ import annotations
+
+from typing import Any
+
+__all__ = ["render"]
+
+_TABLE = (
+    ("h_w [s]", "time_headway"),
+    ("k_a", "k_a"),
+    ("k_v [1/s]", "k_v"),
+    ("k_p [1/s2]", "k_p"),
+    ("latency [s]", "latency_margin"),
+    ("period [s]", "critical_period"),
+    ("L-inf", "linf_gain"),
+    ("slowest [s]", "slowest_time_constant"),
+)
+
+
+def render(data: dict[str, Any]) -> str:
+    """Lay out an answer of `cacc_platoon.design.answer`.
+
+    Examples
+    --------
+    >>> from cacc_platoon.design import Question, Requirements, answer
+    >>> data, _ = answer(Question(5.0, 0.5, Requirements(k_a=0.5), recommend=False))
+    >>> print(render(data).splitlines()[0])
+    Question     rho = 5 (13.98 dB), tau_0 = 0.5 s, k_a = 0.5 (cap 0.833333)
+    """
+    lines = _bound_lines(data)
+    if "certificate" in data:
+        lines += ["", *_certificate_lines(data)]
+    if "extensions" in data:
+        lines += ["", *_extension_lines(data["extensions"])]
+    if "recommended" in data:
+        lines += ["", *_recommendation_lines(data["recommended"])]
+    return "\n".join(lines)
+
+
+def _number(value: float | None) -> str:
+    return "inf" if value is None else f"{value:.6g}"
+
+
+def _bound_lines(data: dict[str, Any]) -> list[str]:
+    bound, best, region = data["headway_bound"], data["optimal"], data["region"]
+    exact, given_away = data["exact_region"], data["conservatism"]
+    headway = f"at h_w = {data['time_headway']:.6g} s"
+    area = f", area {region['area']:.4e} 1/s^3" if region["nonempty"] else ""
+    return [
+        f"Question     rho = {data['rho']:.6g} ({data['snr_db']:.4g} dB), tau_0 = "
+        f"{data['tau0']:g} s, k_a = {data['k_a']:.6g} (cap {data['k_a_max']:.6g})",
+        f"Headway      paper > {bound['paper']:.6g} s, exact >= {bound['exact']:.6g} s "
+        f"(paper/exact {given_away['headway']:.4g}); without V2V {data['fallback_headway']:g} s",
+        f"Best         k_a* = {best['k_a']:.6g}, h* = {best['headway']:.6g} s; infimum over all "
+        f"k_a {data['infimum_headway']:.6g} s",
+        f"Paper's S    {'not empty' if region['nonempty'] else 'empty'} {headway}: a1 "
+        f"{region['a1']:.6g}, b1 {region['b1']:.6g}, a2 {region['a2']:.6g}, b2 "
+        f"{region['b2']:.6g}{area}",
+        f"Exact region {'not empty' if exact['nonempty'] else 'empty'} {headway}"
+        + (
+            f": k_p >= {exact['k_p_min']:.6g} 1/s^2, S is {100 * given_away['area']:.3g} % of it"
+            if exact["nonempty"] and region["nonempty"]
+            else f": k_p >= {exact['k_p_min']:.6g} 1/s^2"
+            if exact["nonempty"]
+            else ""
+        ),
+    ]
+
+
+def _certificate_lines(data: dict[str, Any]) -> list[str]:
+    c, gains = data["certificate"], data["gains"]
+    sampled = c["sampled"]
+    tolerated = c["gain_range"]
+    names = ", ".join(f"{name} = {value:.6g}" for name, value in gains.items())
+    return [
+        f"Design       {names}",
+        f"Verdict      {data['verdict']}",
+        f"  internally stable {_yes(c['internally_stable'])}, in the paper's S "
+        f"{_yes(c['in_paper_region'])}, string stable {_yes(c['string_stable'])}",
+        f"  L2 gain {_number(c['l2_gain'])} at {_number(c['peak_frequency'])} rad/s, "
+        f"L-infinity gain {_number(c['linf_gain'])}",
+        f"  sampled at {sampled['period']:g} s: string stable {_yes(sampled['string_stable'])}; "
+        f"lost at {sampled['critical_period']:.4g} s, with the acceleration one step old at "
+        f"{sampled['critical_period_stale_accel']:.4g} s",
+        f"  V2V latency margin {_number(c['latency_margin'])} s, mean-square index "
+        f"{_number(c['mean_square_index'])} (bounded below 1)",
+        f"  slowest mode {_number(c['slowest_time_constant'])} s; tolerated k_a E[w] "
+        + (f"{tolerated[0]:.6g} to {tolerated[1]:.6g}" if tolerated else "none"),
+    ]
+
+
+def _yes(value: bool) -> str:
+    return "yes" if value else "NO"
+
+
+def _extension_lines(data: dict[str, Any]) -> list[str]:
+    lines = []
+    if "predecessors" in data:
+        r = data["predecessors"]
+        lines.append(
+            f"Predecessors {r['count']}, k_a = {r['k_a']:.6g} each (cap {r['k_a_max']:.6g}): "
+            f"headway paper > {r['paper']:.6g} s, exact >= {r['exact']:.6g} s; "
+            f"k_a* = {r['optimal_k_a']:.6g}, h* = {r['optimal_headway']:.6g} s"
+        )
+        lines.append(
+            "             all else is for the equivalent one-predecessor platoon, but recommended "
+            "gains are per predecessor"
+        )
+    if "reception" in data:
+        p = data["reception"]
+        stable = f"; string stable {_yes(p['string_stable'])}" if "string_stable" in p else ""
+        lines.append(
+            f"Reception    p >= {p['probability']:g}: k_a E[w] from {p['effective_gain'][0]:.6g}, "
+            f"exact headway >= {p['minimum_headway']:.6g} s{stable}"
+        )
+    return lines
+
+
+def _recommendation_lines(designs: list[dict[str, Any]]) -> list[str]:
+    header = f"{'Recommended':12s}" + "".join(f"{title:>13s}" for title, _ in _TABLE)
+    lines = [header]
+    for design in designs:
+        values = {**design, **design["gains"]}
+        row = "".join(
+            f"{'inf' if values[key] is None else format(values[key], '.4g'):>13s}"
+            for _, key in _TABLE
+        )
+        lines.append(f"{design['name']:12s}{row}")
+    lines.append("(latency, period: margins, the period with the acceleration one step old)")
+    for design in designs:
+        unmet = f". MISSES: {'; '.join(design['unmet'])}" if design["unmet"] else ""
+        lines.append(f"  {design['name']}: {design['reason']}{unmet}")
+    return lines
