@@ -1,0 +1,150 @@
+"""Imports point one way; what a room may use is written here, and nothing else passes."""
+
+import ast
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+SCENARIO_FILES = {
+    "parameters",
+    "parameter_table",
+    "parameter_sections",
+    "scenario",
+    "scenario_file",
+}
+ROS = {"rclpy", "geometry_msgs", "std_msgs", "rosgraph_msgs", "rcl_interfaces", "diagnostic_msgs"}
+ROS |= {"builtin_interfaces"}
+
+
+class Room(NamedTuple):
+    """What a room may import: other rooms, packages at its top, packages inside functions."""
+
+    rooms: set[str]
+    top: set[str]
+    inside: set[str] = set()  # noqa: RUF012, never changed
+
+
+SCENARIO = {"errors", "model", "scenario"}
+ROOMS = {
+    "errors": Room(set(), set()),
+    "model": Room({"errors"}, {"numpy"}),
+    "scenario": Room({"errors", "model"}, {"numpy", "ruamel"}),
+    "design": Room({"errors", "model"}, {"numpy"}, {"matplotlib"}),
+    "simulation": Room(SCENARIO, {"numpy"}),
+    "msg_adapters": Room({*SCENARIO, "simulation"}, {"numpy", "rosbags"}),
+    "run_folder": Room({*SCENARIO, "simulation", "msg_adapters"}, {"numpy"}),
+    "nodes": Room({*SCENARIO, "simulation", "msg_adapters", "run_folder"}, {"numpy", *ROS}),
+    "analysis": Room(
+        {*SCENARIO, "design", "simulation", "msg_adapters", "run_folder"},
+        {"numpy", "rosbags", "ruamel"},
+        {"matplotlib"},
+    ),
+    "testing": Room(
+        {*SCENARIO, "simulation", "msg_adapters", "run_folder", "nodes", "analysis", "cli"},
+        {"numpy", *ROS},
+    ),
+    "cli": Room(
+        {*SCENARIO, "design", "simulation", "msg_adapters", "run_folder", "analysis"},
+        {"numpy", "ruamel"},
+        {"matplotlib", "nodes", "testing", *ROS},
+    ),
+}
+
+
+def room_of(module: str) -> str:
+    """Return the room of a module of ours, or the package of somebody else's."""
+    parts = module.split(".")
+    if parts[0] != "cacc_platoon" or len(parts) == 1:
+        return parts[0]
+    if parts[1].startswith("testing"):
+        return "testing"
+    return "scenario" if parts[1] in SCENARIO_FILES else parts[1]
+
+
+def imports(tree: ast.AST, inside: bool = False):
+    """Yield (module, whether it is imported only when a function runs or a type is checked)."""
+    for node in ast.iter_child_nodes(tree):
+        match node:
+            case ast.Import(names=names):
+                yield from ((name.name, inside) for name in names)
+            case ast.ImportFrom(module=module, names=names, level=0):
+                yield module, inside
+                if module == "cacc_platoon":
+                    modules = [name.name for name in names if not name.name.startswith("__")]
+                    yield from ((f"cacc_platoon.{name}", inside) for name in modules)
+            case ast.ImportFrom():
+                yield ".", inside
+            case ast.FunctionDef() | ast.AsyncFunctionDef() | ast.Lambda():
+                yield from imports(node, True)
+            case ast.If(test=ast.Name(id="TYPE_CHECKING"), body=body, orelse=orelse):
+                yield from imports(ast.Module(body, []), True)
+                yield from imports(ast.Module(orelse, []), inside)
+            case _:
+                yield from imports(node, inside)
+
+
+def breaches(room: str, source: str) -> list[str]:
+    """Return the modules that a source text imports and its room may not."""
+    allowed = ROOMS[room]
+    found = []
+    for module, inside in imports(ast.parse(source)):
+        target = room_of(module)
+        at_top = allowed.rooms | allowed.top | {room, "cacc_platoon", "__future__"}
+        if target in sys.stdlib_module_names or target in at_top:
+            continue
+        if not (inside and target in allowed.inside):
+            found.append(module)
+    return found
+
+
+def sources() -> list[Path]:
+    paths = [*(ROOT / "cacc_platoon").rglob("*.py"), *(ROOT / "msg_adapters").rglob("*.py")]
+    return sorted(path for path in paths if path != ROOT / "cacc_platoon" / "__init__.py")
+
+
+@pytest.mark.parametrize("path", sources(), ids=lambda path: str(path.relative_to(ROOT)))
+def test_a_file_imports_only_what_its_room_may(path):
+    module = ".".join(path.relative_to(ROOT).with_suffix("").parts)
+    room = room_of(module)
+    assert room in ROOMS, "a new room: say here what it may import"
+    assert breaches(room, path.read_text()) == []
+
+
+def test_the_package_itself_imports_nothing():
+    assert list(imports(ast.parse((ROOT / "cacc_platoon" / "__init__.py").read_text()))) == []
+
+
+@pytest.mark.parametrize(
+    ("room", "source"),
+    [
+        ("model", "import rclpy"),
+        ("model", "import scipy.linalg"),
+        ("model", "from cacc_platoon import simulation"),
+        ("model", "from cacc_platoon.scenario import Scenario"),
+        ("model", "def f():\n    import rclpy"),
+        ("design", "from cacc_platoon.simulation import simulate"),
+        ("design", "import matplotlib"),
+        ("simulation", "from msg_adapters.topics import Topic"),
+        ("scenario", "if True:\n    from cacc_platoon.simulation import simulate"),
+        ("msg_adapters", "from rclpy.serialization import serialize_message"),
+        ("msg_adapters", "from cacc_platoon.nodes import qos"),
+        ("nodes", "from cacc_platoon.analysis import metrics"),
+        ("nodes", "from cacc_platoon.design import certificate"),
+        ("analysis", "try:\n    import rclpy\nexcept ImportError:\n    pass"),
+        ("cli", "from cacc_platoon.nodes.host import run_host"),
+        ("cli", "import rclpy"),
+        ("errors", "from cacc_platoon.model import Gains"),
+        ("model", "from . import channel"),
+    ],
+)
+def test_a_breach_is_seen(room, source):
+    assert breaches(room, source) != []
+
+
+def test_what_is_allowed_passes():
+    assert breaches("cli", "def run():\n    from cacc_platoon.nodes.host import run_host") == []
+    source = "if TYPE_CHECKING:\n    import matplotlib\nimport numpy as np\nimport math"
+    assert breaches("design", source) == []
