@@ -3,35 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 from cacc_platoon.scenario import Scenario
 from msg_adapters.topics import VehicleTopics
 
 
-def diagnose(scenario: Scenario, hosts: Mapping[str, Mapping[str, Any]], progress: int) -> str:
-    """Name the nodes that stopped, their last sample and what was missing.
+def diagnose(scenario: Scenario, samples: Mapping[str, int]) -> str:
+    """Name the node that stopped first, its last sample and what it had.
 
     Parameters
     ----------
     scenario : Scenario
         The run.
-    hosts : mapping of str to mapping
-        The last word of each host; one that closed says how many samples each topic has.
-    progress : int
-        Last sample that was recorded everywhere.
+    samples : mapping of str to int
+        How many samples of each topic were recorded.
     """
-    at = f"the last complete sample was {progress} ({max(progress, 0) * scenario.run.step:g} s)"
-    silent = [
-        f"host {name} (process {host['pid']}: {', '.join(host['nodes'][:6])}) does not answer"
-        for name, host in hosts.items()
-        if host["state"] != "closed"
-    ]
-    samples: dict[str, int] = {}
-    for host in hosts.values():
-        samples.update(host.get("samples", {}))
-    stopped = _first_stopped(scenario, samples)
-    return "; ".join([*silent, *([stopped] if stopped else []), at])
+    complete = min(samples.values(), default=0) - 1
+    time = max(complete, 0) * scenario.run.step
+    last = f"the last complete sample is {complete} ({time:g} s)"
+    return "; ".join(filter(None, [_first_stopped(scenario, samples), last]))
 
 
 def _first_stopped(scenario: Scenario, samples: Mapping[str, int]) -> str:

@@ -29,7 +29,6 @@ from msg_adapters.topics import Topic, VehicleTopics
 NODE_CLASSES = {"leader": LeaderNode, "vehicle": VehicleNode, "noise_relay": NoiseRelayNode}
 POLL_PERIOD = 0.05
 FLUSH_PERIOD = 0.5
-GOODBYE_TIMEOUT = 2.0
 
 
 @dataclass(frozen=True)
@@ -110,7 +109,7 @@ def serve(
     finally:
         if recorder:
             recorder.close()
-    session.close(recorder.samples if recorder else {}, GOODBYE_TIMEOUT)
+    session.close()
     executor.shutdown()
     for node in nodes:
         node.destroy_node()

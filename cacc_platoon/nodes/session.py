@@ -12,7 +12,6 @@ import time
 from collections.abc import Iterable
 from typing import Any
 
-from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from std_msgs.msg import String
@@ -112,18 +111,9 @@ class HostSession:
         if not self._state["failure"]:
             self._change(state="failed", failure=reason)
 
-    def close(self, samples: dict[str, int], timeout: float) -> None:
-        """Report that the host is done and wait until the supervisor has heard it.
-
-        Parameters
-        ----------
-        samples : dict of str to int
-            Number of samples of each recorded topic.
-        timeout : float
-            How long to wait [s].
-        """
-        self._change(state="closed", samples=samples)
-        self._publisher.wait_for_all_acked(Duration(seconds=timeout))
+    def close(self) -> None:
+        """Report that the host is done and its part is closed."""
+        self._change(state="closed")
 
     def _on_status(self, message: String) -> None:
         self._heard = time.monotonic()

@@ -15,7 +15,6 @@ from rclpy.signals import SignalHandlerOptions
 from cacc_platoon.nodes import shared_memory
 from cacc_platoon.nodes.diagnosis import diagnose
 from cacc_platoon.nodes.executor import create_executor, spin_for
-from cacc_platoon.nodes.host import GOODBYE_TIMEOUT
 from cacc_platoon.nodes.launcher import HostProcesses, plan_hosts
 from cacc_platoon.nodes.lockstep import LockstepError
 from cacc_platoon.nodes.recorder import RecorderNode
@@ -28,6 +27,7 @@ from msg_adapters.topics import digest_topics
 
 TICK = 0.02
 NEWCOMER_WAIT = 0.3
+GOODBYE_TIMEOUT = 3.0
 INTERRUPTED = "interrupted"
 
 Observer = Callable[[str, int, int], None]
@@ -96,8 +96,11 @@ def run_platoon(
         status, message = FAILED, str(failure)
         if stopped():
             status = INTERRUPTED
-    message = supervision.end(status, message, processes)
+    silent = supervision.end(status, message, processes)
     recording = {**folder.recording(), **supervision.parts_elsewhere()}
+    if status == FAILED:
+        samples = {name: len(record.messages) for name, record in recording.items()}
+        message = "; ".join([message, *silent, diagnose(scenario, samples)])
     info = folder.finish(
         scenario,
         recording,
@@ -170,22 +173,24 @@ class Supervision:
         self._follow_progress(processes)
         self._last_sample = time.monotonic()
 
-    def end(self, status: str, message: str, processes: HostProcesses) -> str:
-        """End hosts and nodes in good order; return the message, with a diagnosis if it stalled."""
+    def end(self, status: str, message: str, processes: HostProcesses) -> list[str]:
+        """End hosts and nodes in good order; return a line on each host that does not answer."""
         node = self._node
         dead = {ended.name for ended in processes.ended()}
         node.end(FINISHED if status == FINISHED else FAILED, message)
         if self._recorder and self._session:
             self._recorder.close()
-            self._session.close(self._recorder.samples, 0.0)
-        deadline = time.monotonic() + GOODBYE_TIMEOUT + 1.0
-        while time.monotonic() < deadline and not all(
-            host["state"] == "closed" or name in dead for name, host in node.hosts.items()
-        ):
+            self._session.close()
+        deadline = time.monotonic() + GOODBYE_TIMEOUT
+        while silent := [
+            f"host {name} (process {host['pid']}: {_some(host['nodes'])}) does not answer"
+            for name, host in node.hosts.items()
+            if host["state"] != "closed" and name not in dead
+        ]:
+            if time.monotonic() > deadline:
+                break
             self._spin()
             dead |= {ended.name for ended in processes.ended()}
-        if status == FAILED:
-            message = f"{message}; {diagnose(self._scenario, node.hosts, node.progress)}"
         processes.stop()
         self._executor.shutdown()
         if self._recorder:
@@ -194,7 +199,7 @@ class Supervision:
         rclpy.try_shutdown()
         shared_memory.forget_segments()
         shared_memory.sweep()
-        return message
+        return silent
 
     def parts_elsewhere(self) -> dict[str, Any]:
         """Return what hosts recorded outside of the run folder, as far as it is on this machine."""
