@@ -72,15 +72,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Answer the question; see `add_arguments`."""
     question = _question(args)
-    if args.write is not None and args.write.exists():
-        raise DesignError(
-            f"--write {args.write} exists: it would be overwritten. Choose another name."
-        )
-    if args.write is not None and args.predecessors != 1:
-        raise DesignError(
-            f"--write with --predecessors {args.predecessors} has no scenario: the vehicles hear "
-            "one predecessor. Leave out --write."
-        )
+    _check_output(args)
     data, found = answer(question)
     explanation = _explanation(question, found, args.pick) if args.explain else []
     if args.json:
@@ -107,6 +99,25 @@ def run(args: argparse.Namespace) -> int:
     if args.check and "certificate" in data and not data["certificate"]["string_stable"]:
         return _NOT_STRING_STABLE
     return 0
+
+
+def _check_output(args: argparse.Namespace) -> None:
+    """Say what cannot be written before anything is computed."""
+    path = args.write
+    if path is None:
+        return
+    if path.exists():
+        raise DesignError(f"--write {path} exists: it would be overwritten. Choose another name.")
+    if not path.parent.is_dir():
+        raise DesignError(
+            f"--write {path} has no folder {path.parent}: the design cannot be saved. Make the "
+            "folder or choose another place."
+        )
+    if args.predecessors != 1:
+        raise DesignError(
+            f"--write with --predecessors {args.predecessors} has no scenario: the vehicles hear "
+            "one predecessor. Leave out --write."
+        )
 
 
 def _question(args: argparse.Namespace) -> Question:

@@ -43,6 +43,7 @@ from cacc_platoon.design.exact import (
 from cacc_platoon.design.explain import (
     explain_bounds,
     explain_design,
+    nominal_verdict,
     verdict,
 )
 from cacc_platoon.design.extensions import (
@@ -167,6 +168,7 @@ __all__ = [
     "minimum_headway",
     "multi_predecessor_bounds",
     "multi_predecessor_gains",
+    "nominal_verdict",
     "optimum",
     "paper_design",
     "paper_region",

@@ -9,7 +9,7 @@ from typing import Any
 
 from cacc_platoon.design.certificate import NoiseStatistics, certify
 from cacc_platoon.design.designs import Design, Recommendation, Requirements
-from cacc_platoon.design.explain import verdict
+from cacc_platoon.design.explain import nominal_verdict, verdict
 from cacc_platoon.design.extensions import (
     equivalent_gains,
     fallback_headway,
@@ -159,7 +159,11 @@ def answer(question: Question) -> tuple[dict[str, Any], Recommendation | None]:
         )
         data["gains"] = gains._asdict()
         data["certificate"] = dataclasses.asdict(certificate)
-        data["verdict"] = verdict(gains, question.rho, question.tau_max)
+        data["verdict"] = (
+            verdict(gains, question.rho, question.tau_max)
+            if question.k_effective is None
+            else nominal_verdict(gains, question.tau_max, question.k_effective)
+        )
     if question.predecessors != 1 or question.reception != 1.0:
         data["extensions"] = _extensions(question)
     found = recommend(question.rho, question.tau_max, ask) if question.recommend else None

@@ -19,9 +19,11 @@ import numpy as np
 from cacc_platoon.design.errors import require_positive
 from cacc_platoon.design.impulse import total_variation
 from cacc_platoon.design.paper import effective_interval
-from cacc_platoon.design.transfer import gamma, is_internally_stable, poles
+from cacc_platoon.design.transfer import ROUTH_SLACK, gamma, is_internally_stable, poles
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import ArrayLike, NDArray
 
     from cacc_platoon.model.control import Gains
@@ -132,8 +134,8 @@ def is_string_stable(gains: Gains, tau: float, k_effective: float) -> bool:
 def is_robustly_string_stable(gains: Gains, rho: float, tau_max: float) -> bool:
     """Test string stability for all lags in ``(0, tau_max]`` and all ``k`` in ``[m k_a, M k_a]``.
 
-    Checking ``tau_max`` and the two ends of the interval is enough: the margin is linear in tau
-    between ``1 - k^2`` and its value at `tau_max`, and concave in ``k`` (docs/theory.md).
+    Checking `tau_max` and the two ends of the interval is enough: the margin is linear in tau
+    between ``1 - k^2 >= 0`` and its value at `tau_max`, and concave in ``k`` (docs/theory.md).
 
     Parameters
     ----------
@@ -161,11 +163,7 @@ def is_robustly_string_stable(gains: Gains, rho: float, tau_max: float) -> bool:
     True
     """
     low, high = effective_interval(gains.k_a, rho)
-    return (
-        max(abs(low), abs(high)) <= 1.0 + TOLERANCE
-        and is_string_stable(gains, tau_max, high)
-        and is_string_stable(gains, tau_max, low)
-    )
+    return is_string_stable(gains, tau_max, high) and is_string_stable(gains, tau_max, low)
 
 
 def string_stability_map(
@@ -194,7 +192,7 @@ def string_stability_map(
     B, c, B_size, c_size = _terms(h, v, p, lag, k)
     reach = 2.0 * lag * np.sqrt(np.maximum(p * c, 0.0))
     damping = v + h * p
-    internally = (p > 0) & (damping > 0) & (damping > lag * p)
+    internally = (p > 0) & (damping > 0) & (damping * (1.0 - ROUTH_SLACK) > lag * p)
     within = (c >= -TOLERANCE * c_size) & (B + reach >= -TOLERANCE * B_size)
     return np.asarray(internally & within, dtype=np.bool_)
 
@@ -231,9 +229,8 @@ def robust_string_stability_map(
     """
     low, high = effective_interval(1.0, rho)
     k = np.asarray(k_a, dtype=np.float64)
-    below_one = np.abs(k) * high <= 1.0 + TOLERANCE
     ends = [string_stability_map(time_headway, k_v, k_p, tau_max, k * end) for end in (high, low)]
-    return np.asarray(below_one & ends[0] & ends[1], dtype=np.bool_)
+    return np.asarray(ends[0] & ends[1], dtype=np.bool_)
 
 
 def l2_gain(gains: Gains, tau: float, k_effective: float) -> L2Gain:
@@ -274,23 +271,48 @@ def l2_gain(gains: Gains, tau: float, k_effective: float) -> L2Gain:
         return L2Gain(math.inf, abs(float(poles(gains, tau)[0].imag)))
     if is_string_stable(gains, tau, k_effective):
         return L2Gain(1.0, 0.0)
-    B, C, _ = propagation_margins(gains, tau, k_effective)
+    return _largest_excess(gains, tau, propagation_margins(gains, tau, k_effective))
+
+
+def _largest_excess(gains: Gains, tau: float, margins: Margins) -> L2Gain:
+    """Maximise ``|H|^2 - 1`` over ``x = omega^2/k_p``, of order one in the spacing loop."""
+    B, C, _ = margins
     damping, k_p = gamma(gains), gains.k_p
-    # y = k_p x scales the roots to order one where the spacing loop lives
-    excess = np.array([-(tau**2) * k_p, -B, -C / k_p, 0.0])
-    energy = np.array(
-        [tau**2 * k_p, 1.0 - 2.0 * tau * damping, damping**2 / k_p - 2.0, 1.0], dtype=np.float64
+    load = tau * tau * k_p
+    numerator = np.array([-load, -B, -C / k_p, 0.0])
+    energy = np.array([load, 1.0 - 2.0 * tau * damping, damping**2 / k_p - 2.0, 1.0])
+    slope: NDArray[np.float64] = np.polysub(
+        np.polymul(np.polyder(numerator), energy), np.polymul(numerator, np.polyder(energy))
     )
-    slope = np.polysub(
-        np.polymul(np.polyder(excess), energy), np.polymul(excess, np.polyder(energy))
-    )
-    x = np.roots(slope).real
-    x = x[x > 0]
-    values = np.polyval(excess, x) / np.polyval(energy, x) if x.size else np.zeros(0)
-    best = int(np.argmax(values)) if values.size else -1
-    if best < 0 or values[best] <= 0:
+
+    def excess(x: float) -> float:
+        # |D|^2/k_p^2 as a sum of squares: a sharp resonance keeps its digits
+        size = (1.0 - x) ** 2 + x * (damping - tau * k_p * x) ** 2 / k_p
+        return -x * ((load * x + B) * x + C / k_p) / size if size > 0 else 0.0
+
+    turning = [float(x) for x in np.roots(slope).real if x > 0]
+    best = _climb(excess, max(turning, key=excess, default=1.0))
+    if excess(best) <= 0:
         return L2Gain(1.0, 0.0)
-    return L2Gain(math.sqrt(1.0 + float(values[best])), math.sqrt(k_p * float(x[best])))
+    return L2Gain(math.sqrt(1.0 + excess(best)), math.sqrt(k_p * best))
+
+
+def _climb(function: Callable[[float], float], start: float) -> float:
+    """Finish a maximum by golden section; roots of the slope are coarse where a peak is narrow."""
+    shrink = 0.5 * (math.sqrt(5.0) - 1.0)
+    low, high = start * (1.0 - 1e-6), start * (1.0 + 1e-6)
+    left, right = high - shrink * (high - low), low + shrink * (high - low)
+    f_left, f_right = function(left), function(right)
+    for _ in range(48):
+        if f_left < f_right:
+            low, left, f_left = left, right, f_right
+            right = low + shrink * (high - low)
+            f_right = function(right)
+        else:
+            high, right, f_right = right, left, f_left
+            left = high - shrink * (high - low)
+            f_left = function(left)
+    return max((start, left, right), key=function)
 
 
 def linf_gain(gains: Gains, tau: float, k_effective: float) -> float:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cacc_platoon.design.exact import is_string_stable, propagation_margins
+from cacc_platoon.design.exact import is_string_stable, l2_gain, propagation_margins
 from cacc_platoon.design.paper import (
     effective_interval,
     headway_bound,
@@ -23,7 +23,7 @@ from cacc_platoon.design.transfer import gamma, is_internally_stable
 if TYPE_CHECKING:
     from cacc_platoon.model.control import Gains
 
-__all__ = ["explain_bounds", "explain_design", "verdict"]
+__all__ = ["explain_bounds", "explain_design", "nominal_verdict", "verdict"]
 
 
 def explain_bounds(rho: float, tau_max: float, k_a: float) -> list[str]:
@@ -125,6 +125,30 @@ def verdict(gains: Gains, rho: float, tau_max: float) -> str:
             f"all noise of rho >= {rho:g}; error energy does not grow along the platoon."
         )
     return _gain_verdict(gains, rho, tau_max)
+
+
+def nominal_verdict(gains: Gains, tau: float, k_effective: float) -> str:
+    """Say in one line whether a design is string stable for one lag and one effective gain.
+
+    Examples
+    --------
+    >>> from cacc_platoon.model.control import Gains
+    >>> print(nominal_verdict(Gains(0.95, 0.5, 0.63, 0.009), 0.5, 0.524))
+    string stable at tau = 0.5 s and k_a E[w] = 0.524 alone: sup|H| = 1
+    """
+    where = f"at tau = {tau:g} s and k_a E[w] = {k_effective:.6g} alone"
+    gain, omega = l2_gain(gains, tau, k_effective)
+    if is_string_stable(gains, tau, k_effective):
+        return f"string stable {where}: sup|H| = 1"
+    if math.isinf(gain):
+        return (
+            f"not internally stable {where}: gamma = {gamma(gains):.6g} is not above tau k_p = "
+            f"{tau * gains.k_p:.6g} > 0, errors grow in every vehicle. Raise k_v or lower k_p."
+        )
+    return (
+        f"sup|H| = {gain:.9g} {where} is above 1: errors near {omega:.6g} rad/s grow at every "
+        "hop. Raise time_headway, or take k_v and k_p from the exact region."
+    )
 
 
 def _gain_verdict(gains: Gains, rho: float, tau_max: float) -> str:

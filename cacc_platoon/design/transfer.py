@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 __all__ = ["frequency_response", "gamma", "is_internally_stable", "poles", "slowest_time_constant"]
 
+ROUTH_SLACK = 1e-12
+
 
 def gamma(gains: Gains) -> float:
     """Damping coefficient ``gamma = k_v + h_w k_p`` of ``D(s)``, in 1/s."""
@@ -64,7 +66,8 @@ def frequency_response(
 def is_internally_stable(gains: Gains, tau: float) -> bool:
     """Routh-Hurwitz on ``D(s)``: ``k_p > 0`` and ``gamma > tau k_p`` (paper, proof of Theorem 2).
 
-    When it holds for one lag it holds for every smaller one.
+    When it holds for one lag it holds for every smaller one. A ``gamma`` within a relative 1e-12
+    of ``tau k_p`` counts as unstable: the pole is on the axis as far as numbers can tell.
 
     Examples
     --------
@@ -75,7 +78,7 @@ def is_internally_stable(gains: Gains, tau: float) -> bool:
     False
     """
     damping = gamma(gains)
-    return gains.k_p > 0 and damping > 0 and damping > tau * gains.k_p
+    return gains.k_p > 0 and damping > 0 and damping * (1.0 - ROUTH_SLACK) > tau * gains.k_p
 
 
 def poles(gains: Gains, tau: float) -> NDArray[np.complex128]:
