@@ -28,6 +28,7 @@ class Room(NamedTuple):
 
 
 SCENARIO = {"errors", "model", "scenario"}
+CORE = SCENARIO | {"simulation", "msg_adapters", "run_folder"}
 ROOMS = {
     "errors": Room(set(), set()),
     "model": Room({"errors"}, {"numpy"}),
@@ -36,18 +37,19 @@ ROOMS = {
     "simulation": Room(SCENARIO, {"numpy"}),
     "msg_adapters": Room({*SCENARIO, "simulation"}, {"numpy", "rosbags"}),
     "run_folder": Room({*SCENARIO, "simulation", "msg_adapters"}, {"numpy"}),
-    "nodes": Room({*SCENARIO, "simulation", "msg_adapters", "run_folder"}, {"numpy", *ROS}),
+    "signals": Room(set(), set()),
+    "nodes": Room({*CORE, "signals"}, {"numpy", *ROS}),
     "analysis": Room(
-        {*SCENARIO, "design", "simulation", "msg_adapters", "run_folder"},
+        {*CORE, "design"},
         {"numpy", "rosbags", "ruamel"},
         {"matplotlib"},
     ),
     "testing": Room(
-        {*SCENARIO, "simulation", "msg_adapters", "run_folder", "nodes", "analysis", "cli"},
+        {*CORE, "signals", "nodes", "analysis", "cli"},
         {"numpy", *ROS},
     ),
     "cli": Room(
-        {*SCENARIO, "design", "simulation", "msg_adapters", "run_folder", "analysis"},
+        {*CORE, "signals", "design", "analysis"},
         {"numpy", "ruamel"},
         {"matplotlib", "nodes", "testing", *ROS},
     ),
@@ -61,7 +63,9 @@ def room_of(module: str) -> str:
         return parts[0]
     if parts[1].startswith("testing"):
         return "testing"
-    return "scenario" if parts[1] in SCENARIO_FILES else parts[1]
+    if parts[1] in SCENARIO_FILES:
+        return "scenario"
+    return "cli" if parts[1] == "__main__" else parts[1]
 
 
 def imports(tree: ast.AST, inside: bool = False):
