@@ -7,7 +7,7 @@ from pathlib import Path
 from setuptools import find_packages, setup
 
 NAME = "cacc_platoon"
-NODES = ("leader", "vehicle", "noise_relay", "recorder", "supervisor")
+NODES = ("leader", "vehicle", "noise_relay", "recorder")
 PIP_COMMANDS = {"dist_info", "bdist_wheel", "editable_wheel"}
 
 here = Path(__file__).resolve().parent
@@ -15,7 +15,8 @@ version = re.search(r'__version__ = "(.+)"', (here / NAME / "__init__.py").read_
 
 executables = [f"platoon = {NAME}.cli:main"]
 if not PIP_COMMANDS.intersection(sys.argv):  # colcon: lib/cacc_platoon, where `ros2 run` looks
-    executables += [f"{node} = {NAME}.nodes.{node}:main" for node in NODES]
+    executables += [f"{node} = {NAME}.nodes.executables:{node}" for node in NODES]
+    executables += [f"supervisor = {NAME}.cli.supervisor:main"]
 
 
 def files(pattern):
@@ -42,7 +43,6 @@ setup(
         "ros": [
             "ros-jazzy-rclpy[fastrtps]",
             "ros-jazzy-geometry-msgs",
-            "ros-jazzy-rosgraph-msgs",
             "ros-jazzy-std-msgs",
         ],
         "test": [

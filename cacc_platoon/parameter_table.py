@@ -140,6 +140,9 @@ class Run:
         at_least=1,
     )
     spawn: bool = parameter(True, "-", "whether the supervisor starts the hosts itself")
+    by_hand: tuple[str, ...] = parameter(
+        (), "-", "the nodes that are started by hand, such as vehicle_3/vehicle"
+    )
     window: int = parameter(
         64, "samples", "how far the leader may be ahead of the slowest", at_least=1, at_most=1000
     )

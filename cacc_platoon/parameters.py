@@ -16,6 +16,7 @@ KIND_TEXT = {
     "bool": "true or false",
     "str": "a text",
     "tuple[float, ...]": "a list of numbers",
+    "tuple[str, ...]": "a list of texts",
     "float | tuple[float, ...]": "a number or a list of numbers, one per follower",
     "int | str": "a whole number or a text",
 }
@@ -182,9 +183,9 @@ def _convert(value: object, kind: str) -> Any:
                 return float(value)
             case "str" if isinstance(value, str):
                 return value
-            case "tuple[float, ...]" if not isinstance(value, str) and isinstance(value, Iterable):
-                numbers = [_convert(item, "float") for item in value]
-                return None if None in numbers else tuple(numbers)
+            case "tuple[float, ...]" | "tuple[str, ...]" if isinstance(value, list | tuple):
+                items = [_convert(item, alternative[6:-6]) for item in value]
+                return None if None in items else tuple(items)
     return None
 
 

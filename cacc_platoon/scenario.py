@@ -173,6 +173,14 @@ class Scenario:
         return [self.follower(index) for index in range(1, self.platoon.followers + 1)]
 
     @property
+    def node_names(self) -> list[str]:
+        """The nodes that make up the platoon, relative to its namespace."""
+        names = ["vehicle_0/leader"]
+        for index in range(1, self.platoon.followers + 1):
+            names += [f"vehicle_{index}/vehicle", f"vehicle_{index}/noise_relay"]
+        return names
+
+    @property
     def step_ns(self) -> int:
         """The control period in nanoseconds; sample k is stamped k times this."""
         return round(self.run.step * 1e9)
@@ -256,6 +264,9 @@ def _check_consistency(scenario: Scenario, source: str) -> None:
     check_namespace(scenario.platoon.namespace, source)
     if isinstance(run.hosts, str) and run.hosts not in ("auto", "per_node"):
         raise refuse("run.hosts", run.hosts, "must be auto, per_node or a whole number")
+    for node in run.by_hand:
+        if node not in scenario.node_names:
+            raise refuse("run.by_hand", node, "is no node of this platoon")
     if run.seed >= 2**63:
         raise refuse("run.seed", run.seed, "must be < 2^63")
     if not _is_multiple(run.step, 1e-9):

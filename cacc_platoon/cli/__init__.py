@@ -9,12 +9,10 @@ from collections.abc import Sequence
 from types import ModuleType
 
 from cacc_platoon import __version__
+from cacc_platoon.cli.exit_codes import BAD_INPUT, INTERRUPTED
 from cacc_platoon.errors import UserError
 
-VERBS = ("run", "simulate", "report", "doctor")
-
-DONE, FAILED, BAD_INPUT, NOT_STRING_STABLE = 0, 1, 2, 3
-INTERRUPTED = 130
+VERBS = ("design", "run", "simulate", "report", "doctor")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

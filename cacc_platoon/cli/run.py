@@ -1,35 +1,35 @@
 """Run a scenario on real ROS 2 nodes, record it and judge it.
 
-The run folder holds the bag, the resolved scenario, run.json, metrics.json and report.html.
+The run folder then holds the bag, the resolved scenario, run.json, metrics.json and report.html.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
+import os
 import signal
 import sys
-import time
 from pathlib import Path
 
+from cacc_platoon.cli.exit_codes import FAILED
+from cacc_platoon.cli.judge import add_verdict_arguments, conclude
 from cacc_platoon.cli.progress import ProgressLine
 from cacc_platoon.errors import UserError
 from cacc_platoon.run_folder import default_run_folder
+from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario_file import load_scenario
+from cacc_platoon.signals import StopSignal
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the verb's arguments."""
     add_scenario_arguments(parser)
-    parser.add_argument("--json", action="store_true", help="print metrics.json on stdout")
-    parser.add_argument(
-        "--check", action="store_true", help="exit with 3 when the platoon is not string stable"
-    )
+    add_verdict_arguments(parser)
 
 
 def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare what `run` and `simulate` share."""
-    parser.add_argument("scenario", type=Path, help="scenario file, for example config/paper_a.yaml")
+    parser.add_argument("scenario", type=Path, help="scenario file, e.g. config/paper_a.yaml")
     parser.add_argument(
         "-o", "--output", type=Path, help="run folder (default: runs/<scenario>-<UTC time>)"
     )
@@ -38,7 +38,7 @@ def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="KEY=VALUE",
-        help="replace a parameter, for example controller.time_headway=0.9 or "
+        help="replace a parameter, e.g. controller.time_headway=0.9 or "
         "vehicle_5.controller.k_v=0.7; may be repeated",
     )
 
@@ -46,5 +46,42 @@ def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run, record, judge."""
     scenario = load_scenario(options.scenario, options.set)
-    folder = options.output or default_run_folder(scenario)
-    return 0
+    return run_and_judge(scenario, options.output, options)
+
+
+def run_and_judge(scenario: Scenario, output: Path | None, options: argparse.Namespace) -> int:
+    """Run a scenario on nodes and print the verdict; return the exit code.
+
+    Raises
+    ------
+    UserError
+        When ROS is not there or the run cannot start.
+    """
+    given = output or (Path(scenario.record.directory) if scenario.record.directory else None)
+    folder = given or default_run_folder(scenario)
+    if scenario.run.spawn:
+        os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    stop = StopSignal(signal.SIGINT, signal.SIGTERM, insist=True)
+    try:
+        from cacc_platoon.nodes import launcher  # noqa: PLC0415  (needs ROS)
+    except ImportError as error:
+        raise UserError(
+            f"platoon run: {error}. It needs ROS 2: source its setup file or see Install in the "
+            "README; platoon simulate runs the same scenario without ROS."
+        ) from error
+    launcher.prepare()
+    from cacc_platoon.analysis import report_run, warn_if_not_string_stable  # noqa: PLC0415
+    from cacc_platoon.nodes.session import FINISHED  # noqa: PLC0415
+    from cacc_platoon.nodes.supervision import run_platoon  # noqa: PLC0415
+
+    if warning := warn_if_not_string_stable(scenario):
+        print(f"platoon: warning: {warning}", file=sys.stderr)
+    with ProgressLine(scenario.run.step) as progress:
+        outcome = run_platoon(scenario, folder, progress, stop.received)
+    if outcome.status != FINISHED:
+        print(f"platoon: {outcome.status}: {outcome.message}", file=sys.stderr)
+        print(f"platoon: what was recorded until then is in {folder}", file=sys.stderr)
+        return stop.exit_code or FAILED
+    with ProgressLine() as progress:
+        report = report_run(folder, progress)
+    return conclude(report, options)

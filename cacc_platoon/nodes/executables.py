@@ -14,17 +14,22 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from cacc_platoon.errors import UserError
-from cacc_platoon.nodes.host import StopSignal, published_topics, serve
+from cacc_platoon.model import ControlLaw
+from cacc_platoon.nodes.host import published_topics, serve
 from cacc_platoon.nodes.leader import LeaderNode
 from cacc_platoon.nodes.node import RECORD_PARAMETER, PlatoonNode
 from cacc_platoon.nodes.noise_relay import NoiseRelayNode
+from cacc_platoon.nodes.parameters import given_parameters, scenario_of
 from cacc_platoon.nodes.recorder import RecorderNode
 from cacc_platoon.nodes.session import HostSession
 from cacc_platoon.nodes.vehicle import VehicleNode
+from cacc_platoon.scenario import Follower
+from cacc_platoon.signals import StopSignal
+from msg_adapters.topics import digest_topics
 
 BAD_INPUT = 2
 HELP = """\
-{summary}
+Run the {name} node of one vehicle, as a host of its own.
 
   ros2 run cacc_platoon {name} --ros-args -r __ns:=/platoon/vehicle_{index} \\
       --params-file config/paper_a.yaml [-p record:=DIR]
@@ -32,28 +37,35 @@ HELP = """\
 The vehicle's index comes from the namespace. The node waits for the supervisor (started with
 -p run.spawn:=false) and ends when the run does. With record it records what it publishes."""
 
+RECORDER_HELP = """\
+Record the topics of a whole platoon, for nodes started by hand that do not record themselves.
+
+  ros2 run cacc_platoon recorder --ros-args -r __ns:=/platoon \\
+      --params-file config/paper_a.yaml -p record:=DIR
+
+The supervisor does this by itself for what nobody else records."""
+
 Made = TypeVar("Made")
 
 
 def leader() -> int:
     """Run the leader by hand."""
-    return _run_node(LeaderNode, 0)
+    return _run_node("leader", LeaderNode, 0)
 
 
-def vehicle() -> int:
-    """Run a follower by hand."""
-    return _run_node(VehicleNode, 1)
+def vehicle(law: Callable[[Follower], ControlLaw] | None = None) -> int:
+    """Run a follower by hand; `law` may make another control law from its parameters."""
+    return _run_node("vehicle", lambda: VehicleNode(law=law), 1)
 
 
 def noise_relay() -> int:
     """Run a noise relay by hand."""
-    return _run_node(NoiseRelayNode, 1)
+    return _run_node("noise_relay", NoiseRelayNode, 1)
 
 
-def _run_node(create: Callable[[], PlatoonNode], example_index: int) -> int:
+def _run_node(name: str, create: Callable[[], PlatoonNode], example_index: int) -> int:
     """Run one node until the supervisor ends the run, or a signal does."""
-    name = {LeaderNode: "leader", VehicleNode: "vehicle", NoiseRelayNode: "noise_relay"}[create]  # type: ignore[index]
-    if asked_for_help(HELP.format(summary=create.__doc__, name=name, index=example_index)):
+    if asked_for_help(HELP.format(name=name, index=example_index)):
         return 0
     stop = StopSignal(signal.SIGINT, signal.SIGTERM)
     node = start(create)
@@ -99,3 +111,54 @@ def text_parameter(node: Node, name: str) -> str:
     """Return a node's own text parameter, empty when it was not given."""
     value: Any = node.get_parameter(name).value if node.has_parameter(name) else ""
     return str(value)
+
+
+def recorder() -> int:
+    """Record a whole platoon by hand, for hosts that do not record themselves."""
+    if asked_for_help(RECORDER_HELP):
+        return 0
+    stop = StopSignal(signal.SIGINT, signal.SIGTERM)
+    made = start(_recorder_by_hand)
+    if made is None:
+        return BAD_INPUT
+    session = HostSession("recorder", [made], made.scenario, made)
+    made.get_logger().info("waiting for the supervisor")
+    return serve([made], session, made, stop)
+
+
+def _recorder_by_hand() -> RecorderNode:
+    node = Node("recorder", automatically_declare_parameters_from_overrides=True)
+    try:
+        scenario = scenario_of(node, RECORD_PARAMETER)
+        folder = text_parameter(node, RECORD_PARAMETER)
+    finally:
+        node.destroy_node()
+    if not folder:
+        raise UserError("recorder: has nowhere to record to. Add -p record:=DIR.")
+    platoon = scenario.platoon
+    topics = digest_topics(platoon.namespace, platoon.followers)
+    return RecorderNode(scenario, "recorder", topics, Path(folder) / "recorder")
+
+
+def supervisor_parameters() -> dict[str, Any]:
+    """Return the parameters that the supervisor executable was started with.
+
+    Raises
+    ------
+    UserError
+        When the command line is not one of ROS, or names an unknown parameter.
+    """
+    try:
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+        node = Node("supervisor", automatically_declare_parameters_from_overrides=True)
+        try:
+            values = given_parameters(node)
+            namespace = node.get_namespace()
+        finally:
+            node.destroy_node()
+            rclpy.try_shutdown()
+    except (RuntimeError, InvalidNamespaceException, ValueError) as error:
+        raise UserError(f"supervisor: {' '.join(str(error).split())}") from error
+    if namespace != "/":
+        values.setdefault("platoon.namespace", namespace)
+    return values

@@ -24,6 +24,7 @@ from cacc_platoon.nodes.recorder import RecorderNode
 from cacc_platoon.nodes.session import HostSession
 from cacc_platoon.nodes.vehicle import VehicleNode
 from cacc_platoon.scenario import Scenario
+from cacc_platoon.signals import StopSignal
 from msg_adapters.topics import Topic, VehicleTopics
 
 NODE_CLASSES = {"leader": LeaderNode, "vehicle": VehicleNode, "noise_relay": NoiseRelayNode}
@@ -79,18 +80,6 @@ def run_host(plan: HostPlan, lifeline: Connection) -> None:
     sys.exit(serve(nodes, session, recorder, stop, lifeline.poll))
 
 
-class StopSignal:
-    """Remembers that one of some signals has come, to be acted on between callbacks."""
-
-    def __init__(self, *signals: signal.Signals) -> None:
-        self.received: signal.Signals | None = None
-        for number in signals:
-            signal.signal(number, self._on_signal)
-
-    def _on_signal(self, number: int, _frame: object) -> None:
-        self.received = signal.Signals(number)
-
-
 def serve(
     nodes: Iterable[Node],
     session: HostSession,
@@ -135,8 +124,8 @@ def _spin(
         if recorder and time.monotonic() - flushed > FLUSH_PERIOD:
             recorder.flush()
             flushed = time.monotonic()
-        if stop.received:
-            session.fail(f"{session.host} was stopped by {stop.received.name}")
+        if name := stop.received():
+            session.fail(f"host {session.host} was stopped by {name}")
             return
         if orphaned() or session.abandoned:
             return

@@ -48,6 +48,12 @@ def plan_hosts(scenario: Scenario, parts: Path) -> list[HostPlan]:
     count = scenario.platoon.followers
     vehicles: list[list[tuple[str, int]]] = [[("leader", 0)]]
     vehicles += [[("vehicle", i), ("noise_relay", i)] for i in range(1, count + 1)]
+    by_hand = set(scenario.run.by_hand)
+    vehicles = [
+        [(kind, i) for kind, i in vehicle if f"vehicle_{i}/{kind}" not in by_hand]
+        for vehicle in vehicles
+    ]
+    vehicles = [vehicle for vehicle in vehicles if vehicle]
     if scenario.run.hosts == "per_node":
         groups = [[node] for vehicle in vehicles for node in vehicle]
     else:

@@ -41,7 +41,7 @@ class RecorderNode(Node):  # type: ignore[misc]
         self.folder = folder.absolute()
         self.recorded = [topic.name for topic in topics]
         self.samples = dict.fromkeys(self.recorded, 0)
-        self._scenario = scenario
+        self.scenario = scenario
         self._part = PartWriter(folder, topics)
         self._stride = max(1, scenario.run.window // 4)
         self._last = scenario.samples - 1
@@ -66,7 +66,7 @@ class RecorderNode(Node):  # type: ignore[misc]
 
     def _receiver(self, topic: Topic) -> Callable[[bytes], None]:
         write = self._part.writers[topic.name]
-        unpack, size, step = _STAMP.unpack_from, topic.codec.size, self._scenario.step_ns
+        unpack, size, step = _STAMP.unpack_from, topic.codec.size, self.scenario.step_ns
         samples, name, last, stride = self.samples, topic.name, self._last, self._stride
         mark = self._mark
 

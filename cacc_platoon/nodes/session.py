@@ -27,7 +27,7 @@ WAITING, MATCHING, RUNNING, FINISHED, FAILED = (
     *("finished", "failed"),
 )
 ENDED = (FINISHED, FAILED)
-HEARTBEAT_PERIOD = 0.5
+HEARTBEAT_PERIOD = 0.2
 
 
 class HostSession:
@@ -54,7 +54,7 @@ class HostSession:
     ) -> None:
         self._nodes = list(nodes)
         self._prefix = f"{scenario.platoon.namespace}/"
-        self._silence_limit = 2.0 * scenario.run.stall_timeout + 10 * HEARTBEAT_PERIOD
+        self._silence_limit = 2.0 * scenario.run.stall_timeout + 5.0
         self._status: dict[str, Any] = {"state": WAITING}
         self._heard: float | None = None
         topics = PlatoonTopics(scenario.platoon.namespace)

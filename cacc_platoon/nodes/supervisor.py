@@ -63,10 +63,7 @@ class SupervisorNode(Node):  # type: ignore[misc]
     def absent_nodes(self) -> list[str]:
         """Return the nodes of the platoon that have not appeared."""
         present = {node for host in self.hosts.values() for node in host["nodes"]}
-        expected = ["vehicle_0/leader"]
-        for index in range(1, self.scenario.platoon.followers + 1):
-            expected += [f"vehicle_{index}/vehicle", f"vehicle_{index}/noise_relay"]
-        return [node for node in expected if node not in present]
+        return [node for node in self.scenario.node_names if node not in present]
 
     def unrecorded_topics(self) -> list[str]:
         """Return the topics of the digest that no host records."""

@@ -2,23 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from std_msgs.msg import Int64
 
 from cacc_platoon.model import ControlLaw, State
 from cacc_platoon.nodes import qos
 from cacc_platoon.nodes.lockstep import LockstepFollower
 from cacc_platoon.nodes.node import PlatoonNode
-from cacc_platoon.scenario import Scenario
+from cacc_platoon.scenario import Follower, Scenario
 
 
 class VehicleNode(PlatoonNode):
-    """A follower under a control law; see `PlatoonNode` for its arguments."""
+    """A follower; see `PlatoonNode` for `scenario` and `index`.
+
+    Parameters
+    ----------
+    law : callable, optional
+        Makes another control law from the follower's parameters.
+    """
 
     def __init__(
         self,
         scenario: Scenario | None = None,
         index: int | None = None,
-        law: ControlLaw | None = None,
+        law: Callable[[Follower], ControlLaw] | None = None,
     ) -> None:
         groups = ("platoon", "vehicle", "controller", "run", "record")
         super().__init__("vehicle", groups, scenario, index)
@@ -41,12 +49,13 @@ class VehicleNode(PlatoonNode):
             if error:
                 error(stamp, delta, gap_error)
 
+        follower = self.scenario.follower(self.index)
         core = LockstepFollower(
-            self.scenario.follower(self.index),
+            follower,
             self.scenario,
             publish_state,
             publish_command if command or error else None,
-            law,
+            law(follower) if law else None,
         )
         self.follow_stream(self.predecessor.pose, core.take_position)
         self.follow_stream(self.predecessor.twist, core.take_velocity)

@@ -1,0 +1,122 @@
+"""Say what is installed, whether nodes reach each other, and what stands in the way."""
+
+from __future__ import annotations
+
+import argparse
+import importlib.metadata
+import json
+import os
+import platform
+import shutil
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+from cacc_platoon import __version__
+from cacc_platoon.cli.exit_codes import DONE, FAILED
+
+LIBRARIES = ("numpy", "rosbags", "ruamel.yaml", "matplotlib")
+ENVIRONMENT = (
+    "ROS_DISTRO",
+    "ROS_DOMAIN_ID",
+    "ROS_AUTOMATIC_DISCOVERY_RANGE",
+    "RMW_IMPLEMENTATION",
+    "ROS_STATIC_PEERS",
+)
+FREE_SPACE = 2**30
+
+
+class Finding(NamedTuple):
+    """One thing looked at: whether it is well, and what was found or should be done."""
+
+    what: str
+    well: bool
+    text: str
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the verb's arguments."""
+    parser.add_argument("--json", action="store_true", help="print the findings as one object")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Look at everything; exit with 1 when something needed is not well."""
+    checks: list[Callable[[], Finding]] = [
+        _python,
+        *(lambda name=name: _library(name) for name in LIBRARIES),
+        _rclpy,
+        _discovery,
+        _shared_memory,
+        _disk,
+    ]
+    findings = [check() for check in checks]
+    if options.json:
+        print(
+            json.dumps({found.what: {"ok": found.well, "text": found.text} for found in findings})
+        )
+    else:
+        for found in findings:
+            print(f"{'ok ' if found.well else 'NO '} {found.what:15} {found.text}")
+    return DONE if all(found.well for found in findings) else FAILED
+
+
+def _python() -> Finding:
+    version = platform.python_version()
+    text = f"{version}, cacc_platoon {__version__}, {os.cpu_count()} cores, {sys.platform}"
+    return Finding("python", sys.version_info >= (3, 11), text)
+
+
+def _library(name: str) -> Finding:
+    try:
+        return Finding(name, True, importlib.metadata.version(name))
+    except importlib.metadata.PackageNotFoundError:
+        return Finding(name, False, f"is not installed: pip install {name}")
+
+
+def _rclpy() -> Finding:
+    try:
+        import rclpy  # noqa: PLC0415, F401  (that is the question)
+        from rclpy.utilities import get_rmw_implementation_identifier  # noqa: PLC0415
+
+        from cacc_platoon.nodes.executor import create_executor  # noqa: PLC0415, F401
+    except ImportError as error:
+        return Finding("rclpy", False, f"{error}; source ROS 2 Jazzy or see Install in the README")
+    settings = ", ".join(f"{name}={os.environ[name]}" for name in ENVIRONMENT if name in os.environ)
+    return Finding(
+        "rclpy", True, f"{get_rmw_implementation_identifier()}; {settings or 'defaults'}"
+    )
+
+
+def _discovery() -> Finding:
+    """Let two processes exchange a message over DDS."""
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    try:
+        from cacc_platoon.nodes.echo import measure_round_trip  # noqa: PLC0415
+    except ImportError:
+        return Finding("DDS", False, "not tried without rclpy")
+    seconds = measure_round_trip(timeout=10.0)
+    if seconds is None:
+        return Finding(
+            "DDS",
+            False,
+            "two processes on this machine do not find each other: look at ROS_DOMAIN_ID, "
+            "ROS_AUTOMATIC_DISCOVERY_RANGE and a firewall on the loopback interface",
+        )
+    return Finding("DDS", True, f"two processes found each other and answered in {seconds:.2f} s")
+
+
+def _shared_memory() -> Finding:
+    try:
+        from cacc_platoon.nodes.shared_memory import sweep  # noqa: PLC0415
+    except ImportError:
+        return Finding("shared memory", True, "not used without rclpy")
+    removed = sweep()
+    text = f"removed {len(removed)} leftovers of killed runs" if removed else "no leftovers"
+    return Finding("shared memory", True, text)
+
+
+def _disk() -> Finding:
+    free = shutil.disk_usage(Path.cwd()).free
+    text = f"{free / 2**30:.1f} GiB free here; a run of 200 s with 12 followers takes 0.3 GiB"
+    return Finding("disk", free > FREE_SPACE, text)

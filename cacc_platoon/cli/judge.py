@@ -1,0 +1,30 @@
+"""How every verb that ends in a verdict ends: what is printed, and the exit code."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from typing import TYPE_CHECKING
+
+from cacc_platoon.cli.exit_codes import DONE, NOT_STRING_STABLE
+
+if TYPE_CHECKING:
+    from cacc_platoon.analysis import Report
+
+
+def add_verdict_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare what these verbs share."""
+    parser.add_argument("--json", action="store_true", help="print metrics.json and nothing else")
+    parser.add_argument("--check", action="store_true", help="exit 3 unless proven string stable")
+
+
+def conclude(report: Report, options: argparse.Namespace) -> int:
+    """Print a report as asked for and return the exit code."""
+    if options.json:
+        json.dump(report.metrics, sys.stdout, indent=1, allow_nan=False)
+        print()
+    else:
+        print(report.summary())
+        print(f"  page   {report.folder / 'report.html'}")
+    return NOT_STRING_STABLE if options.check and not report.verdict.certified else DONE

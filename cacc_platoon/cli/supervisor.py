@@ -1,0 +1,53 @@
+r"""The supervisor as an executable of its own, for `ros2 run` and launch files.
+
+  ros2 run cacc_platoon supervisor --ros-args --params-file config/paper_a.yaml \
+      [-p run.spawn:=false] [-p record.directory:=DIR]
+
+It does what `platoon run` does, with ROS parameters: spawns the hosts (or waits for nodes that
+were started by hand when run.spawn is false), runs, records and judges.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+from cacc_platoon.cli.exit_codes import BAD_INPUT, DONE
+from cacc_platoon.cli.run import run_and_judge
+from cacc_platoon.errors import UserError
+from cacc_platoon.scenario import Scenario
+from cacc_platoon.scenario_file import load_scenario
+
+
+def main() -> int:
+    """Run the supervisor with the parameters of its command line."""
+    if {"-h", "--help"} & set(sys.argv[1:]):
+        print(__doc__)
+        return DONE
+    try:
+        return run_and_judge(_scenario(), None, argparse.Namespace(json=False, check=False))
+    except UserError as error:
+        print(error, file=sys.stderr)
+        return BAD_INPUT
+
+
+def _scenario() -> Scenario:
+    """Build the scenario from the ROS parameters, and from the files for single vehicles.
+
+    ROS hands a node its own parameters only; the sections for single vehicles, which the hosts
+    need, are read from the files themselves.
+    """
+    from cacc_platoon.nodes.executables import supervisor_parameters  # noqa: PLC0415  (needs ROS)
+
+    values = supervisor_parameters()
+    overrides: dict[int, dict[str, Any]] = {}
+    name = "supervisor"
+    for flag, path in zip(sys.argv, sys.argv[1:], strict=False):
+        if flag == "--params-file":
+            scenario = load_scenario(path)
+            name = scenario.name
+            for index, section in scenario.overrides.items():
+                overrides.setdefault(index, {}).update(section)
+    return Scenario.from_values(values, overrides, name, Path())

@@ -1,0 +1,326 @@
+"""Scripted multi-node tests: start a real platoon, wait, kill, freeze, inject, look at the result.
+
+    with Platoon("config/paper_a.yaml", settings=["run.duration=20"], hosts=2) as platoon:
+        platoon.wait_sample(500)
+        platoon.freeze("vehicle_3/vehicle", seconds=1.0)
+        result = platoon.result()
+    assert result.status == "finished"
+
+Every platoon is the `platoon run` command in a process of its own and in a DDS domain of its own;
+what the harness knows it has from topics and from the run folder. To test a controller of your
+own, start its node by hand: see `by_hand`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import IO, Any
+
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from std_msgs.msg import String
+
+from cacc_platoon.nodes import qos
+from cacc_platoon.nodes.node import MESSAGE_TYPES
+from cacc_platoon.run_folder import INFO_FILE, RunFolder
+from cacc_platoon.scenario import Scenario
+from cacc_platoon.scenario_file import format_scenario, load_scenario
+from cacc_platoon.simulation import Trajectory
+from msg_adapters.topics import PlatoonTopics, Topic
+
+DOMAINS = range(1, 101)
+PATIENCE = 60.0
+GOODBYE = 10.0
+
+
+@dataclass(frozen=True)
+class Result:
+    """How a platoon's run ended.
+
+    Attributes
+    ----------
+    exit_code : int
+        Of the command.
+    status, message, digest : str
+        As in run.json: "finished", "failed" or "interrupted", why, and the run's digest.
+    info : dict
+        All of run.json; empty when there is none.
+    folder : RunFolder
+        The run's files.
+    output, errors : str
+        What the command printed.
+    """
+
+    exit_code: int
+    status: str
+    message: str
+    digest: str
+    info: dict[str, Any]
+    folder: RunFolder
+    output: str
+    errors: str
+
+    def trajectory(self) -> Trajectory:
+        """Return the arrays of the run, read from its bag."""
+        from cacc_platoon.analysis import read_run  # noqa: PLC0415  (heavy)
+
+        return read_run(self.folder.bag).trajectory
+
+
+class Platoon:
+    """A platoon of real nodes in processes and a DDS domain of its own.
+
+    Parameters
+    ----------
+    scenario : Scenario, str or Path
+        What to run, or its file.
+    settings : sequence of str, optional
+        `key=value` texts, as for `platoon run --set`.
+    hosts : int or str, optional
+        Replaces run.hosts.
+    by_hand : mapping of str to sequence of str, optional
+        Commands that start nodes instead of ours, by node name such as "vehicle_3/vehicle"; the
+        harness adds --ros-args with the node's namespace and the scenario. An empty command is
+        left to `start`.
+    environment : mapping of str to str, optional
+        Added to the environment of all processes.
+    folder : Path, optional
+        Where to put the run folder; a temporary one by default.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario | str | Path,
+        *,
+        settings: Sequence[str] = (),
+        hosts: int | str | None = None,
+        by_hand: Mapping[str, Sequence[str]] | None = None,
+        environment: Mapping[str, str] | None = None,
+        folder: Path | None = None,
+    ) -> None:
+        self._temporary = tempfile.TemporaryDirectory(prefix="cacc_platoon_")
+        base = folder or Path(self._temporary.name)
+        self._by_hand = dict(by_hand or {})
+        settings = list(settings)
+        if hosts is not None:
+            settings.append(f"run.hosts={hosts}")
+        if by_hand:
+            settings.append(f"run.by_hand=[{', '.join(by_hand)}]")
+        self._file = base / "scenario.yaml"
+        if isinstance(scenario, Scenario):
+            self._file.write_text(format_scenario(scenario), encoding="utf-8")
+            self.scenario = load_scenario(self._file, settings)
+        else:
+            self.scenario = load_scenario(scenario, settings)
+        self._file.write_text(format_scenario(self.scenario), encoding="utf-8")
+        self.folder = RunFolder(base / "run")
+        self._environment = dict(environment or {})
+        self._processes: dict[str, subprocess.Popen[bytes]] = {}
+        self._status: dict[str, Any] = {"state": "", "sample": -1, "hosts": []}
+        self._output, self._errors = base / "output.txt", base / "errors.txt"
+        self._files: list[IO[bytes]] = []
+
+    def __enter__(self) -> Platoon:
+        """Start the supervisor, the hosts and the nodes given by hand."""
+        self._stack = contextlib.ExitStack()
+        self.domain = self._stack.enter_context(own_domain())
+        self._stack.callback(self._temporary.cleanup)
+        self._observe()
+        self._stack.callback(self._end_processes)
+        self._run(
+            "supervisor",
+            [
+                sys.executable,
+                "-m",
+                "cacc_platoon",
+                "run",
+                str(self._file),
+                "-o",
+                str(self.folder.path),
+            ],
+            self._output,
+            self._errors,
+        )
+        for node, command in self._by_hand.items():
+            if command:
+                self.start(node, command)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """End every process that is left, in good order where possible."""
+        self._stack.close()
+
+    def start(self, node: str, command: Sequence[str] = (), parameters: Iterable[str] = ()) -> int:
+        """Start a node by hand and return its process id; without a command it is one of ours.
+
+        `parameters` are `name:=value` texts.
+        """
+        namespace, _, kind = node.rpartition("/")
+        own = f"import sys; from cacc_platoon.nodes.executables import {kind}; sys.exit({kind}())"
+        arguments = [*(command or (sys.executable, "-c", own)), "--ros-args"]
+        arguments += ["-r", f"__ns:={self.scenario.platoon.namespace}/{namespace}"]
+        arguments += ["--params-file", str(self._file)]
+        for parameter in parameters:
+            arguments += ["-p", parameter]
+        name = node.replace("/", "_")
+        log = self._output.with_name(f"{name}.txt")
+        return self._run(node, arguments, log, log)
+
+    def output_of(self, node: str) -> str:
+        """Return what a node started by hand has printed."""
+        return self._output.with_name(f"{node.replace('/', '_')}.txt").read_text()
+
+    def wait_state(self, state: str, timeout: float = PATIENCE) -> None:
+        """Wait until the run is in a state: waiting, matching, running, finished or failed."""
+        self.wait(lambda: self._status["state"] == state, timeout, f"state {state}")
+
+    def wait_sample(self, sample: int, timeout: float = PATIENCE) -> None:
+        """Wait until everything is recorded up to and including a sample."""
+        self.wait(lambda: self._status["sample"] >= sample, timeout, f"sample {sample}")
+
+    def wait(self, condition: Callable[[], bool], timeout: float, what: str) -> None:
+        """Wait for a condition, hearing the platoon meanwhile.
+
+        Raises
+        ------
+        TimeoutError
+            When it does not come true in time; the line says how far the run is.
+        """
+        deadline = time.monotonic() + timeout
+        while not condition():
+            self._executor.spin_once(timeout_sec=0.05)
+            if time.monotonic() > deadline:
+                raise TimeoutError(
+                    f"{what} did not come within {timeout:g} s: the run is "
+                    f"{self._status['state'] or 'unheard'} at sample {self._status['sample']}; "
+                    f"it said: {self._errors.read_text().strip() or 'nothing'}"
+                )
+
+    def pid(self, node: str) -> int:
+        """Return the process of a node, such as "vehicle_3/vehicle", or of "supervisor"."""
+        if node in self._processes:
+            return self._processes[node].pid
+        for host in self._status["hosts"]:
+            if node in host["nodes"]:
+                return int(host["pid"])
+        raise LookupError(f"{node} is in no host that was heard: {self._status['hosts']}")
+
+    def kill(self, node: str, number: signal.Signals = signal.SIGKILL) -> None:
+        """Send a signal to a node's process."""
+        os.kill(self.pid(node), number)
+
+    def freeze(self, node: str, seconds: float) -> None:
+        """Stop a node's process for a while, as a debugger or a swapping machine does."""
+        self.kill(node, signal.SIGSTOP)
+        time.sleep(seconds)
+        self.kill(node, signal.SIGCONT)
+
+    def publisher(self, topic: Topic) -> Callable[[int, float], None]:
+        """Return a function that publishes (stamp [ns], x) on a topic as a stranger would."""
+        message_type = MESSAGE_TYPES[topic.kind.type_name]
+        publisher = self._node.create_publisher(message_type, topic.name, qos.stream(self.scenario))
+        self.wait(lambda: publisher.get_subscription_count() > 0, PATIENCE, "a subscriber")
+        return lambda stamp, x: publisher.publish(topic.codec.encode(stamp, x))
+
+    def result(self, timeout: float = 2 * PATIENCE) -> Result:
+        """Wait until the command has ended and return how."""
+        process = self._processes["supervisor"]
+        self.wait(lambda: process.poll() is not None, timeout, "the end of the run")
+        file = self.folder.path / INFO_FILE
+        info = json.loads(file.read_text()) if file.exists() else {}
+        return Result(
+            process.returncode,
+            info.get("status", ""),
+            info.get("message", ""),
+            info.get("digest", ""),
+            info,
+            self.folder,
+            self._output.read_text(),
+            self._errors.read_text(),
+        )
+
+    def _observe(self) -> None:
+        """Listen to the status from a context of this process's own."""
+        context = Context()
+        rclpy.init(args=[], context=context, domain_id=self.domain)
+        self._stack.callback(rclpy.try_shutdown, context=context)
+        self._node = Node("observer", context=context, use_global_arguments=False)
+        self._stack.callback(self._node.destroy_node)
+        self._executor = SingleThreadedExecutor(context=context)
+        self._stack.callback(self._executor.shutdown)
+        self._executor.add_node(self._node)
+        status = PlatoonTopics(self.scenario.platoon.namespace).status
+        self._node.create_subscription(String, status, self._on_status, qos.latched())
+
+    def _on_status(self, message: String) -> None:
+        self._status = json.loads(message.data)
+
+    def _run(self, name: str, command: Sequence[str], output: Path, errors: Path) -> int:
+        environment = {
+            **os.environ,
+            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+            "ROS_PYTHON_CHECK_FIELDS": "1",
+            **self._environment,
+            "ROS_DOMAIN_ID": str(self.domain),
+        }
+        with output.open("wb") as out, errors.open("ab") as err:
+            process = subprocess.Popen(
+                list(command), stdin=subprocess.DEVNULL, stdout=out, stderr=err, env=environment
+            )
+        self._processes[name] = process
+        return process.pid
+
+    def _end_processes(self) -> None:
+        for number in (signal.SIGTERM, signal.SIGKILL):
+            for process in self._processes.values():
+                if process.poll() is None:
+                    process.send_signal(signal.SIGCONT)
+                    process.send_signal(number)
+            deadline = time.monotonic() + GOODBYE
+            for process in self._processes.values():
+                with contextlib.suppress(subprocess.TimeoutExpired):
+                    process.wait(max(0.0, deadline - time.monotonic()))
+
+
+@contextlib.contextmanager
+def own_domain() -> Iterator[int]:
+    """Hold a DDS domain that no other test on this machine holds.
+
+    Raises
+    ------
+    RuntimeError
+        When all are taken.
+    """
+    folder = Path(tempfile.gettempdir()) / f"cacc_platoon-domains-{os.getuid()}"
+    folder.mkdir(mode=0o700, exist_ok=True)
+    candidates = list(DOMAINS)
+    random.shuffle(candidates)
+    for domain in candidates:
+        with (folder / str(domain)).open("w") as lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                continue
+            yield domain
+            return
+    raise RuntimeError(f"all DDS domains from 1 to 100 are taken; see the locks in {folder}")
