@@ -11,6 +11,7 @@ from cacc_platoon.cli.exit_codes import DONE, NOT_STRING_STABLE
 
 if TYPE_CHECKING:
     from cacc_platoon.analysis import Report
+    from cacc_platoon.scenario import Scenario
 
 
 def add_verdict_arguments(parser: argparse.ArgumentParser) -> None:
@@ -28,3 +29,11 @@ def conclude(report: Report, options: argparse.Namespace) -> int:
         print(report.summary())
         print(f"  page   {report.folder / 'report.html'}")
     return NOT_STRING_STABLE if options.check and not report.verdict.certified else DONE
+
+
+def warn_before(scenario: Scenario) -> None:
+    """Say before a run that its gains are not string stable."""
+    from cacc_platoon.analysis import warn_if_not_string_stable  # noqa: PLC0415  (heavy)
+
+    if warning := warn_if_not_string_stable(scenario):
+        print(f"platoon: warning: {warning}", file=sys.stderr)

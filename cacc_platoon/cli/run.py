@@ -12,7 +12,7 @@ import sys
 from pathlib import Path
 
 from cacc_platoon.cli.exit_codes import FAILED
-from cacc_platoon.cli.judge import add_verdict_arguments, conclude
+from cacc_platoon.cli.judge import add_verdict_arguments, conclude, warn_before
 from cacc_platoon.cli.progress import ProgressLine
 from cacc_platoon.errors import UserError
 from cacc_platoon.run_folder import default_run_folder
@@ -70,12 +70,11 @@ def run_and_judge(scenario: Scenario, output: Path | None, options: argparse.Nam
             "README; platoon simulate runs the same scenario without ROS."
         ) from error
     launcher.prepare()
-    from cacc_platoon.analysis import report_run, warn_if_not_string_stable  # noqa: PLC0415
+    from cacc_platoon.analysis import report_run  # noqa: PLC0415  (heavy)
     from cacc_platoon.nodes.session import FINISHED  # noqa: PLC0415
     from cacc_platoon.nodes.supervision import run_platoon  # noqa: PLC0415
 
-    if warning := warn_if_not_string_stable(scenario):
-        print(f"platoon: warning: {warning}", file=sys.stderr)
+    warn_before(scenario)
     with ProgressLine(scenario.run.step) as progress:
         outcome = run_platoon(scenario, folder, progress, stop.received)
     if outcome.status != FINISHED:
