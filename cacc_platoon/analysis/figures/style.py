@@ -1,0 +1,138 @@
+"""How every figure looks: one palette that colour-blind readers can tell apart, SVG output."""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from itertools import pairwise
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from cacc_platoon.simulation.trajectory import Array
+
+Axes: TypeAlias = Any
+"""matplotlib's Axes; its import waits until something is drawn."""
+
+BLUE, ORANGE, GREEN, RED, PURPLE, GREY = (
+    *("#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7"),
+    "#595959",
+)
+"""Okabe and Ito's palette, and a grey."""
+
+POINTS = 700
+"""Bins into which long signals are reduced before they are drawn."""
+
+_RC = {
+    "axes.edgecolor": "#404040",
+    "axes.grid": True,
+    "axes.labelsize": 10,
+    "axes.prop_cycle": f"cycler('color', ['{BLUE}', '{ORANGE}', '{GREEN}', '{RED}', '{PURPLE}'])",
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "axes.titlesize": 10.5,
+    "figure.constrained_layout.use": True,
+    "figure.figsize": (7.2, 3.6),
+    "font.family": "sans-serif",
+    "font.size": 10,
+    "grid.color": "#d9d9d9",
+    "grid.linewidth": 0.6,
+    "legend.fontsize": 8.5,
+    "legend.frameon": False,
+    "lines.linewidth": 1.2,
+    "svg.fonttype": "none",
+}
+
+
+@contextmanager
+def styled(name: str) -> Iterator[None]:
+    """Draw in the project's style; `name` makes the identifiers inside of the SVG its own."""
+    import matplotlib as mpl  # noqa: PLC0415  (slow to import)
+
+    with mpl.rc_context({**_RC, "svg.hashsalt": name}):
+        yield
+
+
+def draw_svg(
+    name: str, draw: Callable[..., None], rows: int = 1, size: tuple[float, float] = (7.2, 3.6)
+) -> str:
+    """Return a figure as SVG text that can stand inside of HTML and refers to nothing outside.
+
+    Parameters
+    ----------
+    name : str
+        Short name of the figure.
+    draw : callable
+        Draws on the axes it is given, one per row.
+    rows : int, optional
+        Number of axes, one above the other.
+    size : tuple of float, optional
+        Width and height [inch].
+    """
+    from matplotlib.backends.backend_svg import FigureCanvasSVG  # noqa: PLC0415
+    from matplotlib.figure import Figure  # noqa: PLC0415
+
+    with styled(name):
+        figure = Figure(figsize=size)
+        FigureCanvasSVG(figure)
+        draw(*figure.subplots(rows, 1, squeeze=False)[:, 0])
+        buffer = io.StringIO()
+        figure.savefig(buffer, format="svg")
+    return _inline(buffer.getvalue(), name)
+
+
+def _inline(svg: str, name: str) -> str:
+    """Leave only what HTML needs: no prolog, no metadata, no namespaces, no fixed size."""
+    svg = svg[svg.index("<svg") :]
+    svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
+    svg = re.sub(r' xmlns(:\w+)?="[^"]*"', "", svg)
+    svg = svg.replace("xlink:href", "href")
+    svg = re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", svg, count=1)
+    svg = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", svg, count=1)
+    return svg.replace("<svg", f'<svg role="img" aria-label="{name}"', 1).rstrip() + "\n"
+
+
+def standalone(svg: str) -> str:
+    """Return an inline SVG as a file of its own."""
+    return svg.replace("<svg", '<svg xmlns="http://www.w3.org/2000/svg"', 1)
+
+
+def reduce(time: Array, values: Array, points: int = POINTS) -> tuple[Array, Array]:
+    """Return fewer points that look the same: the smallest and largest value of every bin.
+
+    Parameters
+    ----------
+    time, values : ndarray, shape (n,)
+        A signal; NaN leaves a gap.
+    points : int
+        Number of bins.
+
+    Examples
+    --------
+    >>> t, v = reduce(np.arange(10_000.0), np.sin(np.arange(10_000.0)))
+    >>> len(t), float(v.max()) > 0.9999
+    (1400, True)
+    """
+    if len(values) <= 2 * points:
+        return time, values
+    edges = np.linspace(0, len(values), points + 1).astype(np.int64)
+    filled_low = np.where(np.isnan(values), np.inf, values)
+    filled_high = np.where(np.isnan(values), -np.inf, values)
+    picks = []
+    for begin, end in pairwise(edges.tolist()):
+        pair = (
+            begin + int(np.argmin(filled_low[begin:end])),
+            begin + int(np.argmax(filled_high[begin:end])),
+        )
+        picks += sorted(pair)
+    index = np.array(picks)
+    return time[index], values[index]
+
+
+def vehicle_colours(count: int) -> list[Any]:
+    """Return one colour per vehicle along a perceptually even scale, the first the darkest."""
+    import matplotlib as mpl  # noqa: PLC0415
+
+    return [mpl.colormaps["viridis"](0.88 * i / max(count - 1, 1)) for i in range(count)]

@@ -1,0 +1,216 @@
+"""What a run did, in numbers: errors, hops, length, gaps, comfort, safety; nothing is judged here.
+
+Samples that are missing in a bag are NaN in its arrays and left out of every number.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from cacc_platoon.analysis.noise import LinkNoise, link_noise
+from cacc_platoon.simulation import Trajectory
+from cacc_platoon.simulation.trajectory import Array
+
+SETTLING_FRACTION = 0.05
+"""A spacing error has settled once it stays within this fraction of its peak."""
+
+STILL = 1e-9
+"""Speed difference [m/s] below which nobody closes in."""
+
+
+class PlatoonLength(NamedTuple):
+    """x_0 - x_N [m] at the first and the last sample, and its largest."""
+
+    initial: float
+    max: float
+    final: float
+
+
+@dataclass(frozen=True)
+class Metrics:
+    """Numbers of one run; arrays are over followers 1..N unless said otherwise.
+
+    Attributes
+    ----------
+    duration : float
+        Time from the first to the last sample [s].
+    max_abs_spacing_error, time_of_max : ndarray
+        max_t |delta_i| [m], and when it was first reached [s].
+    rms_spacing_error, l2_spacing_error : ndarray
+        Root mean square [m] and sqrt(T sum delta_i^2) [m s^0.5].
+    final_spacing_error : ndarray
+        delta_i at the last sample [m].
+    settling_time : ndarray
+        Time after which |delta_i| stays within 5 % of its peak [s]; NaN when it has not settled.
+    hop_ratio_max, hop_ratio_l2 : ndarray, shape (N - 1,)
+        Ratio of the norm of delta_i to that of delta_{i-1}, i = 2..N; NaN where the latter is 0.
+    max_abs_acceleration, rms_acceleration, max_abs_jerk, rms_jerk : ndarray, shape (N + 1,)
+        Of vehicles 0..N [m/s^2], [m/s^3]; jerk is (a(k+1) - a(k)) / T.
+    min_gap, min_time_headway, mean_time_headway : ndarray
+        Smallest x_{i-1} - x_i [m]; time headway kept, (gap - d) / v_i [s] where v_i > 0.
+    min_time_to_collision : ndarray
+        Smallest gap over closing speed [s]; infinite when nobody closed in.
+    platoon_length : PlatoonLength
+        x_0 - x_N.
+    collision : bool
+        Whether any gap reached 0.
+    first_collision : tuple of (follower, time) or None
+        Who and when [s].
+    noise : list of LinkNoise
+        Realised noise per link.
+    """
+
+    duration: float
+    max_abs_spacing_error: Array
+    time_of_max: Array
+    rms_spacing_error: Array
+    l2_spacing_error: Array
+    final_spacing_error: Array
+    settling_time: Array
+    hop_ratio_max: Array
+    hop_ratio_l2: Array
+    max_abs_acceleration: Array
+    rms_acceleration: Array
+    max_abs_jerk: Array
+    rms_jerk: Array
+    min_gap: Array
+    min_time_headway: Array
+    mean_time_headway: Array
+    min_time_to_collision: Array
+    platoon_length: PlatoonLength
+    collision: bool
+    first_collision: tuple[int, float] | None
+    noise: list[LinkNoise]
+
+
+def compute_metrics(run: Trajectory) -> Metrics:
+    """Compute everything that a run's arrays say.
+
+    Parameters
+    ----------
+    run : Trajectory
+        Of a simulation or a bag; the same arrays give the same numbers to the last bit.
+
+    Examples
+    --------
+    >>> from cacc_platoon.scenario import Scenario
+    >>> from cacc_platoon.simulation import simulate
+    >>> metrics = compute_metrics(simulate(Scenario.from_values({}), "expected"))
+    >>> metrics.max_abs_spacing_error[[0, -1]].round(6).tolist()
+    [1.596227, 1.544609]
+    """
+    step = run.scenario.run.step
+    error = np.abs(run.spacing_error)
+    peak = _over_time(np.nanmax, error)
+    energy = _l2(run.spacing_error, step)
+    acceleration, jerk = run.acceleration, np.diff(run.acceleration, axis=0) / step
+    headway = _headway(run)
+    collided = _first_collision(run)
+    return Metrics(
+        duration=float(run.time[-1]),
+        max_abs_spacing_error=peak,
+        time_of_max=_time_of_max(error, run.time),
+        rms_spacing_error=_rms(run.spacing_error),
+        l2_spacing_error=energy,
+        final_spacing_error=_last(run.spacing_error),
+        settling_time=_settling_time(error, peak, run.time),
+        hop_ratio_max=_hop_ratio(peak),
+        hop_ratio_l2=_hop_ratio(energy),
+        max_abs_acceleration=_over_time(np.nanmax, np.abs(acceleration)),
+        rms_acceleration=_rms(acceleration),
+        max_abs_jerk=_over_time(np.nanmax, np.abs(jerk)),
+        rms_jerk=_rms(jerk),
+        min_gap=_over_time(np.nanmin, run.gap),
+        min_time_headway=_over_time(np.nanmin, headway),
+        mean_time_headway=_over_time(np.nanmean, headway),
+        min_time_to_collision=time_to_collision(run),
+        platoon_length=_length(run),
+        collision=collided is not None,
+        first_collision=collided,
+        noise=link_noise(run),
+    )
+
+
+def _over_time(reduce: object, values: Array) -> Array:
+    """Reduce over samples, NaN where a column has none."""
+    if not len(values):
+        return np.full(values.shape[1], np.nan)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)
+        return np.asarray(reduce(values, axis=0), np.float64)  # type: ignore[operator]
+
+
+def _rms(values: Array) -> Array:
+    return np.sqrt(_over_time(np.nanmean, values**2))
+
+
+def _l2(values: Array, step: float) -> Array:
+    missing = ~np.isfinite(values).any(axis=0)
+    return np.where(missing, np.nan, np.sqrt(step * np.nansum(values**2, axis=0)))
+
+
+def _hop_ratio(norm: Array) -> Array:
+    ratio = np.full(max(len(norm) - 1, 0), np.nan)
+    np.divide(norm[1:], norm[:-1], out=ratio, where=norm[:-1] > 0)
+    return ratio
+
+
+def _time_of_max(error: Array, time: Array) -> Array:
+    filled = np.where(np.isfinite(error), error, -1.0)
+    index = filled.argmax(axis=0)
+    return np.where(filled.max(axis=0) > 0, time[index], np.nan)
+
+
+def _last(values: Array) -> Array:
+    known = np.isfinite(values)
+    index = len(values) - 1 - known[::-1].argmax(axis=0)
+    return values[index, np.arange(values.shape[1])]
+
+
+def _settling_time(error: Array, peak: Array, time: Array) -> Array:
+    """Return when the error last exceeded its band; NaN when it ends outside of it."""
+    above = error > SETTLING_FRACTION * peak
+    last = len(time) - 1 - above[::-1].argmax(axis=0)
+    settled = np.where(last + 1 < len(time), time[np.minimum(last + 1, len(time) - 1)], np.nan)
+    return np.where(above.any(axis=0), settled, np.where(np.isfinite(peak), 0.0, np.nan))
+
+
+def _headway(run: Trajectory) -> Array:
+    """Return the time headway kept, (gap - d)/v_i [s], NaN where the vehicle stands."""
+    speed = run.velocity[:, 1:]
+    free = run.gap - run.scenario.platoon.standstill_distance
+    headway = np.full(free.shape, np.nan)
+    np.divide(free, speed, out=headway, where=speed > STILL)
+    return headway
+
+
+def time_to_collision(run: Trajectory) -> Array:
+    """Return the smallest gap over closing speed of followers 1..N [s].
+
+    Infinite when a follower was never faster than its predecessor.
+    """
+    closing = run.velocity[:, 1:] - run.velocity[:, :-1]
+    times = np.full(closing.shape, np.inf)
+    np.divide(run.gap, closing, out=times, where=closing > STILL)
+    times[~np.isfinite(run.gap) | ~np.isfinite(closing)] = np.nan
+    return _over_time(np.nanmin, np.maximum(times, 0.0))
+
+
+def _length(run: Trajectory) -> PlatoonLength:
+    length = run.platoon_length[np.isfinite(run.platoon_length)]
+    if not length.size:
+        return PlatoonLength(math.nan, math.nan, math.nan)
+    return PlatoonLength(float(length[0]), float(np.max(length)), float(length[-1]))
+
+
+def _first_collision(run: Trajectory) -> tuple[int, float] | None:
+    touching = run.gap <= 0.0
+    if not touching.any():
+        return None
+    sample = int(np.argmax(touching.any(axis=1)))
+    return int(np.argmax(touching[sample])) + 1, float(run.time[sample])

@@ -1,0 +1,330 @@
+"""A recorded run: its scenario, its arrays, and every fault found on the way."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import struct
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cacc_platoon.analysis.reading.files import RawBag, read_bag
+from cacc_platoon.analysis.reading.grid import Fault, Grid, group, lay_grid, sample
+from cacc_platoon.analysis.reading.platoon import FoundPlatoon, Role, expected_topics, find_platoons
+from cacc_platoon.analysis.reading.raw import BagError, Progress, RawTopic
+from cacc_platoon.analysis.reading.signals import Floats, Signal, decode, rows_in_stamp_order
+from cacc_platoon.parameters import ScenarioError
+from cacc_platoon.run_folder import INFO_FILE, SCENARIO_FILE
+from cacc_platoon.scenario import Scenario
+from cacc_platoon.scenario_file import parse_scenario
+from cacc_platoon.simulation import Trajectory
+from msg_adapters.recording import TopicRecord, digest
+from msg_adapters.topics import PlatoonTopics, Topic
+
+_NAMED_TOPICS = 3
+
+
+@dataclass(frozen=True)
+class RecordedRun:
+    """What a bag says.
+
+    Attributes
+    ----------
+    bag : Path
+        Where it was read from.
+    trajectory : Trajectory
+        The arrays, NaN where something is missing; its scenario is the one of the bag, cut to the
+        samples that are there.
+    scenario : Scenario
+        The scenario as it was meant, not cut.
+    grid : Grid
+        Stamps of the samples.
+    findings : tuple of str
+        Everything wrong with the bag, one line each; empty for a whole run.
+    digest : str
+        Digest of the messages in the bag.
+    digest_recorded : str
+        The digest that was written when the run ended, empty when none was.
+    messages : int
+        Messages of the platoon.
+    info : Mapping
+        What run.json says; empty for a bag without a run folder.
+    """
+
+    bag: Path
+    trajectory: Trajectory
+    scenario: Scenario
+    grid: Grid
+    findings: tuple[str, ...]
+    digest: str
+    digest_recorded: str
+    messages: int
+    info: Mapping[str, Any]
+
+
+def read_run(
+    bag: Path,
+    folder: Path | None = None,
+    *,
+    scenario: Scenario | None = None,
+    namespace: str | None = None,
+    progress: Progress | None = None,
+) -> RecordedRun:
+    """Read a bag into arrays.
+
+    Parameters
+    ----------
+    bag : Path
+        A bag's folder or storage file.
+    folder : Path, optional
+        The run folder around it, where scenario.yaml and run.json are looked for.
+    scenario : Scenario, optional
+        Parameters to use instead of those in the bag.
+    namespace : str, optional
+        Which platoon to read when the bag holds several; by default that of the scenario, or the
+        one with the most messages.
+    progress : callable, optional
+        Called now and then with what is being done, how much is done and how much there is.
+
+    Raises
+    ------
+    BagError
+        When there is no platoon in the bag, or nothing says what its parameters are.
+    """
+    raw = read_bag(bag, progress)
+    info = _read_info(folder, raw)
+    platoons = find_platoons(raw.topics)
+    if not any(platoon.messages for platoon in platoons):
+        raise BagError(f"{bag}: {_why_no_platoon(raw)}")
+    notes = list(raw.damage)
+    platoon = _choose(platoons, bag, namespace, scenario or _scenario_for(raw, None, None, []))
+    notes += _other_platoons(platoons, platoon, raw)
+    given = scenario is not None
+    scenario = scenario or _scenario_for(raw, platoon.prefix, folder, notes)
+    if scenario is None:
+        raise BagError(
+            f"{bag}: holds no scenario, so d, h_w and the gains are unknown. "
+            "Give the run's parameters with --scenario FILE."
+        )
+    scenario = _fit(scenario, platoon, notes, given)
+    topics = expected_topics(platoon.prefix, scenario.platoon.followers)
+    signals, faults = _decode_all(raw, topics, notes)
+    if not any(len(signal.stamps) for signal in signals.values()):
+        raise BagError(f"{bag}: no message of {platoon.prefix} can be read. Give another bag.")
+    grid = lay_grid(signals.values(), scenario.step_ns)
+    columns = _columns(topics, signals, grid, faults)
+    notes += group(faults)
+    run_digest = digest(_Rows(raw, topics), platoon.prefix, scenario.platoon.followers)
+    recorded = str(info.get("digest") or raw.custom_data.get("digest") or "")
+    if recorded and recorded != run_digest:
+        notes.append(
+            f"the digest is {run_digest[:12]}, but {recorded[:12]} was written when the run ended: "
+            "the messages are not those that were recorded"
+        )
+    cut = _cut(scenario, grid, notes)
+    return RecordedRun(
+        bag,
+        _trajectory(cut, columns),
+        scenario,
+        grid,
+        tuple(notes),
+        run_digest,
+        recorded,
+        sum(len(signal.stamps) for signal in signals.values()),
+        info,
+    )
+
+
+def _read_info(folder: Path | None, raw: RawBag) -> dict[str, Any]:
+    file = folder / INFO_FILE if folder else None
+    if file is None or not file.is_file():
+        return {}
+    try:
+        document = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        raw.damage.append(f"{INFO_FILE} is damaged and left out")
+        return {}
+    return document if isinstance(document, dict) else {}
+
+
+def _why_no_platoon(raw: RawBag) -> str:
+    damage = f" ({raw.damage[0]})" if raw.damage else ""
+    names = sorted(raw.topics)
+    if not names:
+        return f"holds no message{damage}. Record it again."
+    shown = ", ".join(names[:_NAMED_TOPICS]) + (", ..." if len(names) > _NAMED_TOPICS else "")
+    return (
+        f"holds no platoon, only {shown}{damage}. A platoon's topics are called "
+        "<prefix>/vehicle_<i>/pose, twist, accel and v2v/accel."
+    )
+
+
+def _choose(
+    platoons: list[FoundPlatoon], bag: Path, namespace: str | None, scenario: Scenario | None
+) -> FoundPlatoon:
+    by_prefix = {platoon.prefix: platoon for platoon in platoons}
+    if namespace is not None:
+        if namespace not in by_prefix:
+            raise BagError(
+                f"{bag}: has no platoon {namespace}. It has {', '.join(sorted(by_prefix))}."
+            )
+        return by_prefix[namespace]
+    if scenario is not None and scenario.platoon.namespace in by_prefix:
+        return by_prefix[scenario.platoon.namespace]
+    return platoons[0]
+
+
+def _other_platoons(
+    platoons: list[FoundPlatoon], chosen: FoundPlatoon, raw: RawBag
+) -> Iterator[str]:
+    for platoon in platoons:
+        if platoon is not chosen:
+            yield (
+                f"a second platoon, {platoon.prefix or '/'} ({len(platoon.vehicles)} vehicles, "
+                f"{platoon.messages} messages), is in the bag and left out; --namespace chooses it"
+            )
+
+
+def _scenario_for(
+    raw: RawBag, prefix: str | None, folder: Path | None, notes: list[str]
+) -> Scenario | None:
+    """Return the scenario that the bag, its metadata or its folder carries, the first readable."""
+    texts: list[tuple[str, str]] = []
+    for name, parts in raw.topics.items():
+        if name.endswith("/scenario") and (
+            prefix is None or name == PlatoonTopics(prefix).scenario
+        ):
+            texts += [(name, text) for part in parts for text in _strings(part)]
+    if "scenario" in raw.custom_data:
+        texts.append(("metadata.yaml: scenario", raw.custom_data["scenario"]))
+    file = folder / SCENARIO_FILE if folder else None
+    if file and file.is_file():
+        texts.append((str(file), file.read_text(encoding="utf-8", errors="replace")))
+    for source, text in texts:
+        try:
+            scenario = parse_scenario(text, source)
+        except ScenarioError as error:
+            notes.append(f"the scenario in the bag is damaged: {error}")
+            continue
+        name = folder.resolve().name if folder else raw.path.resolve().name
+        return dataclasses.replace(scenario, name=name)
+    return None
+
+
+def _strings(part: RawTopic) -> Iterator[str]:
+    """Yield the text of each std_msgs/String."""
+    for data in part.messages():
+        if len(data) >= 8:
+            (length,) = struct.unpack_from("<I", data, 4)
+            yield data[8 : 8 + length].rstrip(b"\0").decode(errors="replace")
+
+
+def _fit(scenario: Scenario, platoon: FoundPlatoon, notes: list[str], given: bool) -> Scenario:
+    """Return the scenario with the topics' namespace, and as many vehicles when it was given."""
+    found, followers = max(platoon.vehicles), scenario.platoon.followers
+    if given and found != followers and found > 0 and not isinstance(scenario.vehicle.tau, tuple):
+        overrides = {i: own for i, own in scenario.overrides.items() if i <= found}
+        scenario = dataclasses.replace(scenario, overrides=overrides)
+        followers = found
+    elif found > followers:
+        notes.append(
+            f"vehicles {followers + 1} to {found} are in the bag but not in the scenario; left out"
+        )
+    place = dataclasses.replace(scenario.platoon, namespace=platoon.prefix, followers=followers)
+    return dataclasses.replace(scenario, platoon=place)
+
+
+def _decode_all(
+    raw: RawBag, topics: Mapping[Role, Topic], notes: list[str]
+) -> tuple[dict[Role, Signal], list[Fault]]:
+    signals: dict[Role, Signal] = {}
+    faults: list[Fault] = []
+    missing: list[str] = []
+    for role, topic in topics.items():
+        parts = raw.topics.get(topic.name, [])
+        right = [part for part in parts if _same_type(part.type_name, topic.kind.type_name)]
+        wrong = {part.type_name or "of unknown type" for part in parts} - {
+            part.type_name for part in right
+        }
+        if wrong:
+            what = f"is {' and '.join(sorted(wrong))}, not {topic.kind.type_name}; left out"
+            faults.append(Fault(topic.name, what))
+        if right:
+            signals[role] = decode(right, topic.kind)
+        elif not wrong:
+            missing.append(topic.name)
+    if missing:
+        shown = ", ".join(missing[:_NAMED_TOPICS])
+        more = f" and {len(missing) - _NAMED_TOPICS} more" if len(missing) > _NAMED_TOPICS else ""
+        notes.append(f"missing topics: {shown}{more}")
+    return signals, faults
+
+
+def _same_type(found: str, expected: str) -> bool:
+    return found == expected or found.replace("/", "/msg/", 1) == expected
+
+
+def _columns(
+    topics: Mapping[Role, Topic],
+    signals: Mapping[Role, Signal],
+    grid: Grid,
+    faults: list[Fault],
+) -> dict[Role, Floats]:
+    columns: dict[Role, Floats] = {}
+    for role in topics:
+        if role in signals:
+            columns[role], found = sample(signals[role], grid)
+            faults += found
+        else:
+            columns[role] = np.full(grid.samples, np.nan)
+    return columns
+
+
+def _cut(scenario: Scenario, grid: Grid, notes: list[str]) -> Scenario:
+    """Return the scenario with the step and the duration of what is there."""
+    run = scenario.run
+    if grid.step != scenario.step_ns:
+        notes.append(
+            f"stamps are {grid.step / 1e9:g} s apart where the scenario has {run.step:g} s"
+        )
+        run = dataclasses.replace(run, step=grid.step / 1e9)
+    elif not grid.exact:
+        notes.append("stamps are on no common grid (wall time); values are interpolated to one")
+    elif grid.samples != scenario.samples:
+        notes.append(
+            f"the run has {grid.samples} samples ({(grid.samples - 1) * run.step:g} s) of the "
+            f"scenario's {scenario.samples} ({run.duration:g} s)"
+        )
+    if grid.samples != scenario.samples:
+        run = dataclasses.replace(run, duration=(grid.samples - 1) * run.step)
+    return dataclasses.replace(scenario, run=run)
+
+
+def _trajectory(scenario: Scenario, columns: Mapping[Role, Floats]) -> Trajectory:
+    def stack(quantity: str) -> Floats:
+        own = [columns[role] for role in sorted(columns) if role.quantity == quantity]
+        return np.stack(own, axis=1)
+
+    return Trajectory(scenario, stack("pose"), stack("twist"), stack("accel"), stack("received"))
+
+
+class _Rows(Mapping[str, TopicRecord]):
+    """The recording that `digest` reads, one topic in memory at a time."""
+
+    def __init__(self, raw: RawBag, topics: Mapping[Role, Topic]) -> None:
+        self._parts = {t.name: raw.topics[t.name] for t in topics.values() if t.name in raw.topics}
+
+    def __getitem__(self, name: str) -> TopicRecord:
+        parts = self._parts[name]
+        rows = rows_in_stamp_order(parts)
+        return TopicRecord(parts[0].type_name, np.empty((0, 0), np.uint8) if rows is None else rows)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._parts)
+
+    def __len__(self) -> int:
+        return len(self._parts)

@@ -1,0 +1,232 @@
+"""The report of a run: read, measure, compare with the expectation, judge, write it all down."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cacc_platoon.analysis.consistency import Consistency, check_consistency
+from cacc_platoon.analysis.document import document
+from cacc_platoon.analysis.metrics import Metrics, compute_metrics
+from cacc_platoon.analysis.reading import BagError, RecordedRun, read_run
+from cacc_platoon.analysis.reading.raw import Progress
+from cacc_platoon.analysis.summary import summary
+from cacc_platoon.analysis.verdict import Verdict, judge
+from cacc_platoon.errors import UserError
+from cacc_platoon.run_folder import BAG, INFO_FILE, PARTS, SCENARIO_FILE, RunFolder
+from cacc_platoon.scenario import Scenario
+from cacc_platoon.simulation import Ensemble, Trajectory, monte_carlo, simulate
+
+METRICS_FILE = "metrics.json"
+PAGE_FILE = "report.html"
+FIGURES = "figures"
+
+
+@dataclass(frozen=True)
+class Report:
+    """All that is known about a run.
+
+    Attributes
+    ----------
+    folder : Path
+        Where metrics.json, report.html and figures/ belong.
+    run : RecordedRun
+        What the bag says.
+    measured : Metrics
+        Of the recorded run.
+    expectation : Trajectory
+        The same scenario with w = E[w], which is the mean of all noisy runs.
+    expected : Metrics
+        Of the expectation run.
+    consistency : Consistency
+        Whether the recorded run obeys the equations of its scenario.
+    verdict : Verdict
+        The judgement.
+    ensemble : Ensemble or None
+        Many noisy runs of the scenario, when asked for.
+    """
+
+    folder: Path
+    run: RecordedRun
+    measured: Metrics
+    expectation: Trajectory
+    expected: Metrics
+    consistency: Consistency
+    verdict: Verdict
+    ensemble: Ensemble | None = None
+
+    @cached_property
+    def metrics(self) -> dict[str, Any]:
+        """What metrics.json holds."""
+        return document(self)
+
+    def summary(self) -> str:
+        """Return the report in a few lines for a terminal, the verdict first."""
+        return summary(self)
+
+
+def analyse(
+    path: Path | str,
+    *,
+    output: Path | None = None,
+    scenario: Scenario | None = None,
+    namespace: str | None = None,
+    runs: int = 0,
+    progress: Progress | None = None,
+) -> Report:
+    """Read and judge a run without writing anything, except that an unfinished run is finished.
+
+    Parameters
+    ----------
+    path : Path or str
+        A run folder, a bag's folder or a storage file.
+    output : Path, optional
+        Where the report will go; the run folder, or `<bag>_report` beside a lone bag.
+    scenario : Scenario, optional
+        Parameters to use instead of those in the bag.
+    namespace : str, optional
+        Which platoon to read when the bag holds several.
+    runs : int, optional
+        Size of a Monte Carlo of noisy runs beside the recorded one, 0 for none.
+    progress : callable, optional
+        Called now and then with what is being done, how much is done and how much there is.
+
+    Raises
+    ------
+    UserError
+        When there is nothing to report on.
+    """
+    bag, folder = _locate(Path(path))
+    run = read_run(bag, folder, scenario=scenario, namespace=namespace, progress=progress)
+    with np.errstate(all="ignore"):  # an unstable scenario overflows, and that is its result
+        measured = compute_metrics(run.trajectory)
+        consistency = check_consistency(run.trajectory)
+        expectation = simulate(expected_scenario(run.trajectory.scenario))
+        expected = compute_metrics(expectation)
+        ensemble = monte_carlo(run.trajectory.scenario, runs, _named(progress)) if runs else None
+    return Report(
+        output or folder or bag.with_name(f"{bag.stem}_report"),
+        run,
+        measured,
+        expectation,
+        expected,
+        consistency,
+        judge(run.trajectory.scenario, measured.noise, consistency),
+        ensemble,
+    )
+
+
+def _named(progress: Progress | None) -> Callable[[int, int], None] | None:
+    return (lambda done, total: progress("noisy runs", done, total)) if progress else None
+
+
+def report_run(
+    path: Path | str,
+    progress: Progress | None = None,
+    **options: Any,
+) -> Report:
+    """Analyse a run and write metrics.json, figures/ and report.html.
+
+    Parameters
+    ----------
+    path : Path or str
+        A run folder, a bag's folder or a storage file.
+    progress : callable, optional
+        Called now and then with what is being done, how much is done and how much there is.
+    **options
+        As in `analyse`.
+
+    Returns
+    -------
+    Report
+        `summary()` is what to print.
+    """
+    report = analyse(path, progress=progress, **options)
+    write_report(report)
+    return report
+
+
+def write_report(report: Report) -> None:
+    """Write metrics.json, figures/ and report.html into the report's folder.
+
+    Raises
+    ------
+    UserError
+        When the folder cannot be written.
+    """
+    from cacc_platoon.analysis.page import render_page  # noqa: PLC0415  (matplotlib is slow)
+
+    text = json.dumps(report.metrics, indent=1, allow_nan=False)
+    try:
+        report.folder.mkdir(parents=True, exist_ok=True)
+        (report.folder / METRICS_FILE).write_text(text + "\n", encoding="utf-8")
+        page = render_page(report, report.folder / FIGURES)
+        (report.folder / PAGE_FILE).write_text(page, encoding="utf-8")
+    except OSError as error:
+        raise UserError(
+            f"{report.folder}: the report cannot be written ({error.strerror}). "
+            "Choose another folder with -o."
+        ) from error
+
+
+def expected_scenario(scenario: Scenario) -> Scenario:
+    """Return the scenario with random bits replaced by their expectation, on every link."""
+
+    def calm(values: Mapping[str, Any]) -> dict[str, Any]:
+        changed = {"v2v.noise": "expected"} if values.get("v2v.noise") == "bits" else {}
+        return {**values, **changed}
+
+    v2v = scenario.v2v
+    if v2v.noise == "bits":
+        v2v = dataclasses.replace(v2v, noise="expected")
+    overrides = {index: calm(own) for index, own in scenario.overrides.items()}
+    return dataclasses.replace(scenario, v2v=v2v, overrides=overrides)
+
+
+def _locate(path: Path) -> tuple[Path, Path | None]:
+    """Return the bag and the run folder around it; a killed run is finished first."""
+    if not path.exists():
+        raise BagError(f"{path}: does not exist. Give a run folder or a bag.")
+    if not path.is_dir():
+        return path, None
+    folder = RunFolder(path)
+    if folder.parts.is_dir() and not folder.bag.exists():
+        _salvage(folder)
+    if folder.bag.is_dir():
+        return folder.bag, path
+    if path.name == BAG and any(
+        (path.parent / name).is_file() for name in (INFO_FILE, SCENARIO_FILE)
+    ):
+        return path, path.parent
+    return path, None
+
+
+def _salvage(folder: RunFolder) -> None:
+    """Make the bag of a run whose supervisor was killed."""
+    try:
+        recording = folder.recording()
+        scenario = folder.scenario()
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise BagError(
+            f"{folder.path}: its {PARTS}/ cannot be read ({error}). Run it again."
+        ) from error
+    if not any(len(record.messages) for record in recording.values()):
+        raise BagError(f"{folder.path}: the run ended before anything was recorded. Run it again.")
+    folder.finish(
+        scenario,
+        recording,
+        {
+            "status": "failed",
+            "message": "salvaged: the run was killed, this is what had been recorded",
+            "wall_time": None,
+            "real_time_factor": None,
+            "hosts": [],
+        },
+    )

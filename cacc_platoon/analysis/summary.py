@@ -1,0 +1,115 @@
+"""A report in a few lines for a terminal: the verdict first, then what it rests on."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cacc_platoon.design.paper import effective_interval
+
+if TYPE_CHECKING:
+    from cacc_platoon.analysis.report import Report
+    from cacc_platoon.simulation.trajectory import Array
+
+
+def summary(report: Report) -> str:
+    """Return the lines that `platoon run` and `platoon report` print."""
+    scenario = report.run.trajectory.scenario
+    lines = [
+        f"{report.verdict.headline}: {scenario.name}, {scenario.platoon.followers} followers, "
+        f"{report.measured.duration:g} s",
+        *_verdict_lines(report),
+        "",
+        *_error_table(report),
+        "",
+        *_fact_lines(report),
+    ]
+    if report.run.findings:
+        lines += ["", f"found in the bag ({len(report.run.findings)}):"]
+        lines += [f"  - {finding}" for finding in report.run.findings]
+    return "\n".join(lines)
+
+
+def travel(peaks: Array) -> str:
+    """Say how the largest errors went along the platoon.
+
+    Examples
+    --------
+    >>> travel(np.array([1.5, 1.4, 1.2]))
+    'never growing'
+    >>> travel(np.array([1.0, 1.0, 1.1]))
+    'growing at 1 of 2 hops'
+    """
+    known = peaks[np.isfinite(peaks)]
+    if len(known) < 2:
+        return "of one follower only"
+    growing = int((np.diff(known) > 0).sum())
+    if not growing:
+        return "never growing"
+    return (
+        "growing at every hop"
+        if growing == len(known) - 1
+        else (f"growing at {growing} of {len(known) - 1} hops")
+    )
+
+
+def _verdict_lines(report: Report) -> list[str]:
+    verdict, scenario = report.verdict, report.run.trajectory.scenario
+    weakest = verdict.weakest
+    own = scenario.follower(weakest.follower)
+    low, high = effective_interval(own.gains.k_a, own.v2v.rho)
+    passed = "passed" if verdict.string_stable else f"failed, {weakest.reason}"
+    which = "" if verdict.equal_links else f" (vehicle {weakest.follower} is the weakest)"
+    largest = max(one.linf_gain for one in verdict.followers)
+    lines = [
+        f"  exact test, every lag tau <= {own.tau_max:g} s and every k_a E[w] in "
+        f"[{low:.4g}, {high:.4g}]: {passed}",
+        f"  sup|H| = {weakest.l2_gain:.9g} (L2){which}; L-infinity gain of a hop {largest:.6g}",
+        "  paper's Theorem 2 (sufficient): " + ("passed" if verdict.in_paper_region else "failed"),
+    ]
+    lines += [f"  VOID for this run: {reason}" for reason in verdict.void]
+    return lines
+
+
+def _error_table(report: Report) -> list[str]:
+    recorded, expected = report.measured, report.expected
+    lines = [
+        "             max|delta_i| [m]        hop ratio of the",
+        "  follower   this run   expectation   expectation",
+    ]
+    ratios = [np.nan, *expected.hop_ratio_max]
+    rows = zip(recorded.max_abs_spacing_error, expected.max_abs_spacing_error, ratios, strict=True)
+    for number, (own, mean, ratio) in enumerate(rows, start=1):
+        hop = "" if np.isnan(ratio) else f"{ratio:.6f}"
+        lines.append(f"  {number:8d}   {own:8.6f}   {mean:11.6f}   {hop:>11s}")
+    return lines
+
+
+def _fact_lines(report: Report) -> list[str]:
+    facts = report.metrics
+    noise, length = facts["noise"], facts["platoon_length"]
+    peaks = report.expected.max_abs_spacing_error
+    own = report.measured.max_abs_spacing_error
+    gap = _number(facts["min_gap"], "m")
+    collided = facts["first_collision"]
+    safety = (
+        f"COLLISION of vehicle {collided['follower']} at {collided['time']:g} s"
+        if collided
+        else "no collision"
+    )
+    return [
+        f"  errors, expectation run: {travel(peaks)}, {peaks[0]:.6f} -> {peaks[-1]:.6f} m",
+        f"  errors, this run:        {travel(own)}, {own[0]:.6f} -> {own[-1]:.6f} m"
+        " (one run proves nothing)",
+        f"  platoon length: {_number(length['initial'], 'm')} at first, "
+        f"{_number(length['max'], 'm')} at most, {_number(length['final'], 'm')} at last; "
+        f"smallest gap {gap}, {safety}",
+        f"  noise w: mean {_number(noise['mean_w'])}, from {_number(noise['min_w'])} to "
+        f"{_number(noise['max_w'])}, SNR {_number(noise['snr_db'], 'dB')}",
+        f"  digest {report.run.digest}",
+    ]
+
+
+def _number(value: float | None, unit: str = "") -> str:
+    return "unknown" if value is None else f"{value:.6g} {unit}".strip()

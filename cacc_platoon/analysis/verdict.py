@@ -1,0 +1,285 @@
+"""String stable or not: a theorem about the run's parameters, never an impression of one run."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from cacc_platoon.analysis.consistency import Consistency
+from cacc_platoon.analysis.noise import LinkNoise
+from cacc_platoon.design import (
+    Link,
+    certify_chain,
+    headway_bound,
+    in_paper_region,
+    is_internally_stable,
+    is_robustly_string_stable,
+    is_sampled_string_stable,
+    is_string_stable,
+    k_a_max,
+    linf_gain,
+    minimum_headway,
+    propagation_margins,
+    worst_l2_gain,
+)
+from cacc_platoon.design.paper import effective_interval
+from cacc_platoon.scenario import Follower, Scenario
+
+EXACT_TEST = (
+    "exact test: C >= 0 and B + 2 tau sqrt(C) >= 0 at both ends of I = [m k_a, M k_a] and tau0, "
+    "equivalent to sup|H(jw)| <= 1 for every tau in (0, tau0] and every k_a E[w] in I"
+)
+PAPER_TEST = "paper's Theorem 2: h_w > h_lb(k_a) and (k_p, k_v) in S = S1 and S2, sufficient only"
+L2_NAME = "L2 string stability (H-infinity norm of H, paper's condition (3))"
+LINF_NAME = "L-infinity (L1 norm of the impulse response of H, bounds the ratio of peaks)"
+
+
+class FollowerVerdict(NamedTuple):
+    """What holds for one follower's own parameters.
+
+    Attributes
+    ----------
+    follower : int
+        Index.
+    string_stable, in_paper_region, internally_stable, sampled : bool
+        Exact test, paper's test, Routh, and the exact test of the sampled loop at period T; all
+        worst over I and tau in (0, tau0].
+    l2_gain, peak_frequency : float
+        sup |H| over them and where [rad/s].
+    linf_gain : float
+        Largest L1 norm of the impulse response at tau0 and both ends of I.
+    realised_k : float
+        k_a times the mean w of this run's link; NaN when w could not be told.
+    realised_stable : bool or None
+        The exact test for that k and the follower's own tau; None when w could not be told.
+    reason : str
+        Which condition fails, empty when none does.
+    """
+
+    follower: int
+    string_stable: bool
+    in_paper_region: bool
+    internally_stable: bool
+    sampled: bool
+    l2_gain: float
+    peak_frequency: float
+    linf_gain: float
+    realised_k: float
+    realised_stable: bool | None
+    reason: str
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The judgement of a run's parameters, and whether the run kept what it rests on.
+
+    Attributes
+    ----------
+    string_stable : bool
+        Every follower passes the exact test.
+    in_paper_region : bool
+        Every follower passes the paper's sufficient test.
+    basis : str
+        The test and the definition it decides.
+    equal_links : bool
+        Whether delta_i = H delta_{i-1} holds; with unequal followers the test certifies
+        a_i = H_i a_{i-1} instead.
+    void : tuple of str
+        Why the certificate does not apply to this run; empty when it does.
+    followers : tuple of FollowerVerdict
+        One by one.
+    weakest : FollowerVerdict
+        The follower with the largest sup |H|.
+    end_to_end_gain : float
+        sup |H_1 ... H_N| at each follower's own tau and the realised k; NaN where w is unknown.
+    """
+
+    string_stable: bool
+    in_paper_region: bool
+    basis: str
+    equal_links: bool
+    void: tuple[str, ...]
+    followers: tuple[FollowerVerdict, ...]
+    weakest: FollowerVerdict
+    end_to_end_gain: float
+
+    @property
+    def certified(self) -> bool:
+        """Whether string stability is proven for this run: stable, and nothing void."""
+        return self.string_stable and not self.void
+
+    @property
+    def headline(self) -> str:
+        """The verdict in a few words."""
+        if not self.string_stable:
+            return "NOT STRING STABLE"
+        return "STRING STABLE" if not self.void else "STRING STABLE BY DESIGN, CERTIFICATE VOID"
+
+
+def judge(
+    scenario: Scenario,
+    noise: list[LinkNoise] | None = None,
+    consistency: Consistency | None = None,
+) -> Verdict:
+    """Judge a scenario, and with what its run showed, the run.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        The parameters.
+    noise : list of LinkNoise, optional
+        Realised noise of the links.
+    consistency : Consistency, optional
+        Whether the run obeys the equations.
+
+    Examples
+    --------
+    >>> judge(Scenario.from_values({})).string_stable
+    True
+    >>> judge(Scenario.from_values({"controller.time_headway": 0.65})).string_stable
+    False
+    """
+    means = {link.follower: link.mean for link in noise or []}
+    seen: dict[object, FollowerVerdict] = {}
+    verdicts = []
+    for follower in scenario.followers:
+        mean = means.get(follower.index, math.nan)
+        key = (follower.gains, follower.tau_max, follower.v2v.rho)
+        if key not in seen:
+            seen[key] = _judge_follower(follower, scenario.run.step)
+        verdicts.append(_realised(seen[key], follower, mean))
+    stable = all(verdict.string_stable for verdict in verdicts)
+    equal = len(seen) == 1 and len({(f.tau, f.v2v) for f in scenario.followers}) == 1
+    law = (
+        "delta_i = H delta_{i-1} for i >= 2, equal followers"
+        if equal
+        else "a_i = H_i a_{i-1} for every follower's own H_i, unequal followers"
+    )
+    return Verdict(
+        stable,
+        all(verdict.in_paper_region for verdict in verdicts),
+        f"{EXACT_TEST}; {law}; {L2_NAME}",
+        equal,
+        tuple(_void(noise or [], consistency)),
+        tuple(verdicts),
+        max(verdicts, key=lambda verdict: (not verdict.string_stable, verdict.l2_gain)),
+        _end_to_end(scenario, verdicts),
+    )
+
+
+def _judge_follower(follower: Follower, step: float) -> FollowerVerdict:
+    gains, rho, tau_max = follower.gains, follower.v2v.rho, follower.tau_max
+    worst = worst_l2_gain(gains, rho, tau_max)
+    ends = effective_interval(gains.k_a, rho)
+    return FollowerVerdict(
+        follower.index,
+        is_robustly_string_stable(gains, rho, tau_max),
+        in_paper_region(gains, rho, tau_max),
+        is_internally_stable(gains, tau_max),
+        is_sampled_string_stable(gains, rho, tau_max, step),
+        worst.gain,
+        worst.peak_omega,
+        max(linf_gain(gains, tau_max, k) for k in ends),
+        math.nan,
+        None,
+        _reason(follower),
+    )
+
+
+def _realised(verdict: FollowerVerdict, follower: Follower, mean: float) -> FollowerVerdict:
+    """Fill in what holds for the mean w that this run had."""
+    if not math.isfinite(mean):
+        return verdict._replace(follower=follower.index)
+    k = follower.gains.k_a * mean
+    return verdict._replace(
+        follower=follower.index,
+        realised_k=k,
+        realised_stable=is_string_stable(follower.gains, follower.tau, k),
+    )
+
+
+def _reason(follower: Follower) -> str:
+    """Say which condition fails, by value and rule."""
+    gains, rho, tau_max = follower.gains, follower.v2v.rho, follower.tau_max
+    if is_robustly_string_stable(gains, rho, tau_max):
+        return ""
+    low, high = effective_interval(gains.k_a, rho)
+    if not is_internally_stable(gains, tau_max):
+        return (
+            f"not internally stable: k_v + h_w k_p must exceed tau0 k_p, with tau0 = {tau_max:g} s"
+        )
+    if high >= 1.0:
+        return f"k_a = {gains.k_a:g} reaches the cap 1/(1 + 1/rho) = {k_a_max(rho):.6g}"
+    shortest = minimum_headway(gains.k_a, rho, tau_max)
+    if gains.time_headway < shortest:
+        return (
+            f"h_w = {gains.time_headway:g} s is below {shortest:.6g} s = 2 tau0/(1 + (1 - 1/rho) "
+            "k_a), where no gains are string stable"
+        )
+    margins = [(k, propagation_margins(gains, tau_max, k)) for k in (low, high)]
+    k, worst = min(margins, key=lambda pair: min(pair[1].C, pair[1].margin))
+    name, value = ("C", worst.C) if worst.C < 0 else ("B + 2 tau sqrt(C)", worst.margin)
+    return f"{name} = {value:.4g} < 0 at k_a E[w] = {k:g}, tau0 = {tau_max:g} s"
+
+
+def _void(noise: list[LinkNoise], consistency: Consistency | None) -> list[str]:
+    """Say why a certificate does not cover the run."""
+    reasons = []
+    broken = [link for link in noise if link.breaches]
+    if broken:
+        first = min(broken, key=lambda link: link.first_breach)
+        samples = sum(link.breaches for link in broken)
+        reasons.append(
+            f"the channel left 1 - 1/rho <= w <= 1 + 1/rho on {len(broken)} of {len(noise)} links "
+            f"({samples} samples), first on link {first.follower - 1} -> {first.follower} at "
+            f"{first.first_breach:g} s"
+        )
+    if consistency and consistency.departures:
+        follower, time, apart = min(consistency.departures, key=lambda item: item[1])
+        reasons.append(
+            f"vehicle {follower} departs from its scenario's equations at {time:g} s by "
+            f"{apart:.3g} ({len(consistency.departures)} vehicles in all): other gains, another "
+            "law, or data that were altered"
+        )
+    return reasons
+
+
+def _end_to_end(scenario: Scenario, verdicts: list[FollowerVerdict]) -> float:
+    links = [
+        Link(follower.gains, follower.tau, verdict.realised_k)
+        for follower, verdict in zip(scenario.followers, verdicts, strict=True)
+    ]
+    if not all(math.isfinite(link.k_effective) for link in links):
+        return math.nan
+    return certify_chain(links).end_to_end_gain
+
+
+def warn_if_not_string_stable(scenario: Scenario) -> str | None:
+    """Return the one-line warning for gains that are not string stable, None when they are.
+
+    Examples
+    --------
+    >>> warn_if_not_string_stable(Scenario.from_values({})) is None
+    True
+    """
+    verdict = judge(scenario)
+    if verdict.string_stable:
+        return None
+    failing = [one.follower for one in verdict.followers if not one.string_stable]
+    followers = scenario.followers
+    bound = _paper_bound(followers[failing[0] - 1])
+    who = "" if len(failing) == len(followers) else f" (vehicle {failing[0]})"
+    return (
+        f"{scenario.name} is not string stable{who}: {verdict.followers[failing[0] - 1].reason}; "
+        f"disturbances may grow along the platoon, sup|H| = {verdict.weakest.l2_gain:.6g}.{bound}"
+    )
+
+
+def _paper_bound(follower: Follower) -> str:
+    """Say the headway from which the paper promises gains, where it does."""
+    gains, rho = follower.gains, follower.v2v.rho
+    if effective_interval(gains.k_a, rho).high >= 1.0:
+        return " Lower k_a or raise rho."
+    bound = headway_bound(gains.k_a, rho, follower.tau_max)
+    return f" The paper's bound for this k_a is h_w > {bound:.6g} s."

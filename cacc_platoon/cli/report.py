@@ -1,0 +1,38 @@
+"""Judge a recorded run: metrics, verdict, figures and one HTML page.
+
+Reads a run folder, a bag of any ROS 2 tool or a single storage file; ROS is not needed.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from cacc_platoon.cli.judge import add_verdict_arguments, conclude
+from cacc_platoon.cli.progress import ProgressLine
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the verb's arguments."""
+    parser.add_argument("path", metavar="RUN|BAG", type=Path, help="run folder, bag or .mcap/.db3")
+    parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="where the report goes")
+    parser.add_argument("--scenario", type=Path, metavar="FILE", help="parameters to judge by")
+    parser.add_argument("--namespace", help="which platoon, when the bag holds several")
+    add_verdict_arguments(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Write the report and print its summary."""
+    from cacc_platoon.analysis import report_run  # noqa: PLC0415  (heavy)
+    from cacc_platoon.scenario_file import load_scenario  # noqa: PLC0415  (heavy)
+
+    scenario = load_scenario(options.scenario) if options.scenario else None
+    with ProgressLine() as progress:
+        report = report_run(
+            options.path,
+            progress,
+            output=options.output,
+            scenario=scenario,
+            namespace=options.namespace,
+        )
+    return conclude(report, options)

@@ -1,0 +1,88 @@
+"""Run a scenario in arrays, without ROS: the same run folder and the same digest as `run`.
+
+With --runs N it adds a Monte Carlo of N noisy runs and compares their mean with the expectation.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cacc_platoon.cli.judge import add_verdict_arguments, conclude
+from cacc_platoon.cli.progress import ProgressLine
+from cacc_platoon.cli.run import add_scenario_arguments
+from cacc_platoon.errors import UserError
+from cacc_platoon.run_folder import RunFolder, default_run_folder
+from cacc_platoon.scenario_file import load_scenario
+
+if TYPE_CHECKING:
+    from cacc_platoon.scenario import Scenario
+
+MOST_RUNS = 100_000
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the verb's arguments."""
+    add_scenario_arguments(parser)
+    parser.add_argument(
+        "--runs", type=int, default=0, metavar="N", help="add a Monte Carlo of N noisy runs"
+    )
+    add_verdict_arguments(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Simulate, record, judge."""
+    from cacc_platoon.analysis import report_run, warn_if_not_string_stable  # noqa: PLC0415
+
+    if not 0 <= options.runs <= MOST_RUNS or options.runs == 1:
+        raise UserError(
+            f"--runs {options.runs}: must be 2 to {MOST_RUNS}; one run has no spread. "
+            "Leave it out for the run of the scenario's seed alone."
+        )
+    scenario = load_scenario(options.scenario, options.set)
+    directory = scenario.record.directory
+    given = options.output or (Path(directory) if directory else None)
+    if warning := warn_if_not_string_stable(scenario):
+        print(f"platoon: warning: {warning}", file=sys.stderr)
+    with ProgressLine() as progress:
+        folder = simulate_run(scenario, given or default_run_folder(scenario), progress)
+        report = report_run(folder.path, progress, runs=options.runs)
+    return conclude(report, options)
+
+
+def simulate_run(scenario: Scenario, path: Path, progress: ProgressLine | None = None) -> RunFolder:
+    """Simulate a scenario into a new run folder and return the folder.
+
+    Raises
+    ------
+    UserError
+        When the folder exists or cannot be written.
+    """
+    from cacc_platoon.simulation import simulate  # noqa: PLC0415
+    from msg_adapters.recording import recording_of  # noqa: PLC0415
+
+    folder = RunFolder.create(path, scenario)
+    begun = time.monotonic()
+    trajectory = simulate(scenario, progress=_named("simulating", progress))
+    wall = time.monotonic() - begun
+    info = {
+        "status": "finished",
+        "message": "",
+        "samples": len(trajectory.position),
+        "wall_time": wall,
+        "real_time_factor": scenario.run.duration / wall if wall else None,
+        "start_time": 0.0,
+        "hosts": [],
+        "unrecorded": [],
+    }
+    folder.finish(scenario, recording_of(trajectory), info, _named("writing the bag", progress))
+    return folder
+
+
+def _named(what: str, progress: ProgressLine | None) -> Callable[[int, int], None] | None:
+    """Return a progress function of two arguments that says what is being done."""
+    return (lambda done, total: progress(what, done, total)) if progress else None
