@@ -19,7 +19,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cacc_platoon.design.errors import require, require_positive
-from cacc_platoon.design.exact import is_robustly_string_stable, is_string_stable
+from cacc_platoon.design.exact import (
+    is_robustly_string_stable,
+    is_string_stable,
+    propagation_margins,
+)
 from cacc_platoon.design.paper import checked_interval, effective_interval
 
 if TYPE_CHECKING:
@@ -106,26 +110,53 @@ def latency_margin(
         stable = is_string_stable(gains, tau_max, k_effective)
     if not stable:
         return 0.0
+    return min(_least_headroom(gains, k, tau_max, robust=robust) for k in ends)
+
+
+def _least_headroom(gains: Gains, k: float, tau_max: float, *, robust: bool) -> float:
+    """Minimise `latency_headroom` over frequency (and lag) for one effective gain."""
     h, _, k_v, k_p = gains
     damping = k_v + h * k_p
-    low, high = _frequency_range(gains, max(ends), tau_max)
-    best = math.inf
-    for _ in range(6):  # each pass narrows the bracket around the minimum a hundredfold
-        omega = np.geomspace(low, high, 400)
+
+    def headroom(omega: Float) -> Float:
         lag = np.minimum(tau_max, damping / omega**2) if robust else np.full_like(omega, tau_max)
-        delay = latency_headroom(h, k_v, k_p, lag, np.array(ends)[:, np.newaxis], omega=omega).min(
-            axis=0
-        )
-        i = int(np.argmin(delay))
-        best = min(best, float(delay[i]))
-        low, high = float(omega[max(i - 1, 0)]), float(omega[min(i + 1, omega.size - 1)])
-        if not math.isfinite(best) or high <= low * (1.0 + 1e-9):
-            break
+        return latency_headroom(h, k_v, k_p, lag, k, omega=omega)
+
+    omega = _frequencies(gains, k, tau_max)
+    delay = headroom(omega)
+    best = float(np.min(delay))
+    if not math.isfinite(best):
+        return best
+    padded = np.concatenate(([np.inf], delay, [np.inf]))
+    valleys = np.flatnonzero((delay <= padded[:-2]) & (delay <= padded[2:]))
+    for i in valleys[np.argsort(delay[valleys], kind="stable")[:4]]:
+        low, high = omega[max(i - 1, 0)], omega[min(i + 1, omega.size - 1)]
+        for _ in range(4):  # each pass narrows the bracket twentyfold
+            local = np.linspace(low, high, 41)
+            delay = headroom(local)
+            j = int(np.argmin(delay))
+            best = min(best, float(delay[j]))
+            low, high = local[max(j - 1, 0)], local[min(j + 1, 40)]
     return best
 
 
+def _frequencies(gains: Gains, k: float, tau_max: float) -> Float:
+    """Lay a log grid over the relevant frequencies, dense where ``|H|`` comes closest to one.
+
+    A design near the boundary has a dip of width ``sqrt(margin)`` at ``omega^2 = -B/(2 tau^2)``.
+    """
+    low, high = _frequency_range(gains, k, tau_max)
+    omega = np.geomspace(low, high, 400)
+    square = -propagation_margins(gains, tau_max, k).B / (2.0 * tau_max**2)
+    if square <= 0:
+        return omega
+    offset = np.geomspace(1e-7, 0.3, 50)
+    dip = math.sqrt(square) * np.concatenate((1.0 - offset, [1.0], 1.0 + offset))
+    return np.union1d(omega, dip)
+
+
 def _frequency_range(gains: Gains, k: float, tau_max: float) -> tuple[float, float]:
-    """Frequencies outside which latency cannot matter more than inside."""
+    """Find the frequencies outside which latency cannot matter more than inside."""
     h, _, k_v, k_p = gains
     low = 1e-3 * min(k_p / (k_v + h * k_p), math.sqrt(k_p))
     # (1 - k^2) w^2 > 2 k_p + k_v^2 + 2 k (k_p + k_v w) leaves f > 0 for every latency and lag

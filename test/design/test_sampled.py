@@ -1,0 +1,180 @@
+"""The sampled-data certificate, against discretised loops of python-control and simulation."""
+
+import itertools
+import math
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cacc_platoon.design import (
+    DesignError,
+    critical_period,
+    is_robustly_string_stable,
+    is_sampled_string_stable,
+    is_string_stable,
+    l2_gain,
+    sampled_stability_map,
+)
+from cacc_platoon.design.sampled import sampled_hop
+from cacc_platoon.model import Gains, State, ThirdOrderPlant
+
+A = Gains(0.95, 0.5, 0.63, 0.009)
+C = Gains(0.88, 0.318305009, 0.85, 0.003)
+
+
+def discrete_plant(tau, period):
+    """Zero-order hold of (position, velocity, acceleration) by python-control."""
+    continuous = control.ss(
+        [[0, 1, 0], [0, 0, 1], [0, 0, -1 / tau]], [[0], [0], [1 / tau]], np.eye(3), 0
+    )
+    plant = control.c2d(continuous, period, "zoh")
+    return plant.A, plant.B
+
+
+def hop_response(gains, tau, k, period, omega, *, stale=False):
+    """Frequency response from the predecessor's states, by linear solves of the closed loop."""
+    h, _, k_v, k_p = gains
+    A_d, B_d = discrete_plant(tau, period)
+    own = np.array([[-k_p, -k_v - k_p * h, 0.0]])
+    closed = A_d + B_d @ own
+    result = []
+    for w in omega:
+        z = np.exp(1j * w * period)
+        g = np.linalg.solve(z * np.eye(3) - A_d, B_d)  # states of the predecessor per command
+        a = g[2] * (1 / z if stale else 1)
+        drive = k * a + k_v * g[1] + k_p * g[0]
+        x = np.linalg.solve(z * np.eye(3) - closed, B_d * drive)
+        result.append(x[0] / g[0])
+    return np.abs(np.array(result)).ravel(), np.abs(np.linalg.eigvals(closed)).max()
+
+
+DESIGNS = st.tuples(
+    st.floats(0.4, 2),
+    st.floats(0.05, 2),
+    st.floats(-5, 1).map(math.exp),
+    st.floats(0.05, 1),
+    st.floats(0.0, 0.95),
+    st.floats(-5, -0.5).map(math.exp),
+    st.booleans(),
+)
+
+
+@given(DESIGNS)
+@settings(max_examples=120, deadline=None)
+def test_certificate_against_the_closed_loop_of_python_control(design):
+    h, k_v, k_p, tau, k, period, stale = design
+    gains = Gains(h, k, k_v, k_p)
+    omega = np.geomspace(1e-3 / period**0.5, np.pi / period * (1 - 1e-9), 150)
+    H, radius = hop_response(gains, tau, k, period, omega, stale=stale)
+    stable = bool(sampled_stability_map(h, k_v, k_p, tau, k, period=period, stale=stale))
+    if stable:
+        assert radius < 1
+        assert H.max() <= 1 + 1e-6  # the linear solves lose digits at low frequency
+    elif radius < 1 - 1e-9:
+        hop = sampled_hop(h, k_v, k_p, tau, k, period=period, stale=stale)
+        theta = np.concatenate((np.geomspace(1e-6, np.pi, 4000), omega * period))
+        d = (np.exp(1j * theta) - 1) / period
+        n, m = (np.polynomial.polynomial.polyval(d, np.array(c)) for c in hop[:2])
+        excess = np.abs(n / m) ** 2 - 1
+        assert excess.max() > -1e-12
+    else:
+        assert radius > 1 - 1e-9
+
+
+@given(DESIGNS)
+@settings(max_examples=50, deadline=None)
+def test_coefficients_against_the_frequency_response(design):
+    h, k_v, k_p, tau, k, period, stale = design
+    omega = np.linspace(0.05, 0.95, 7) * np.pi / period
+    H, _ = hop_response(Gains(h, k, k_v, k_p), tau, k, period, omega, stale=stale)
+    hop = sampled_hop(h, k_v, k_p, tau, k, period=period, stale=stale)
+    d = (np.exp(1j * omega * period) - 1) / period
+    n, m = (np.polynomial.polynomial.polyval(d, np.array(c)) for c in hop[:2])
+    assert np.abs(n / m) == pytest.approx(H, rel=1e-6)
+
+
+@pytest.mark.parametrize(("factor", "grows"), [(0.9, False), (1.1, True)])
+@pytest.mark.parametrize("stale", [False, True])
+def test_critical_period_against_a_simulated_loop(factor, grows, stale):
+    """Drive the model's own plant at the worst frequency and look whether the wave gains."""
+    gains, tau, k = Gains(1.0, 0.5, 0.6, 0.4), 0.5, 0.6
+    period = factor * critical_period(gains, 5.0, tau, k_effective=k, stale=stale)
+    hop = sampled_hop(gains.time_headway, gains.k_v, gains.k_p, tau, k, period=period, stale=stale)
+    theta = np.linspace(0.05, np.pi, 5000)
+    d = (np.exp(1j * theta) - 1) / period
+    n, m = (np.polynomial.polynomial.polyval(d, np.array(c)) for c in hop[:2])
+    ratio = np.abs(n / m)
+    worst = int(np.argmax(ratio))
+    assert (ratio[worst] > 1 + 1e-6) == grows
+    simulated = simulated_gain(gains, tau, k, period, theta[worst], stale)
+    assert simulated == pytest.approx(ratio[worst], rel=1e-6)
+
+
+def simulated_gain(gains, tau, k, period, theta, stale):  # noqa: PLR0917
+    """Amplitude ratio of v_2 to v_1 of a run in steady state."""
+    h, _, k_v, k_p = gains
+    plant = ThirdOrderPlant(tau, period)
+    steps = int(200 / period)
+    vehicles, before = [State(0.0, 0.0, 0.0)] * 3, [0.0] * 3
+    speeds = np.empty((steps, 3))
+    for i in range(steps):
+        heard = before if stale else [v.acceleration for v in vehicles]
+        before = [v.acceleration for v in vehicles]
+        commands = [np.cos(theta * i)]
+        for j, (ahead, me) in enumerate(itertools.pairwise(vehicles)):
+            delta = me.position - ahead.position + h * me.velocity
+            commands.append(k * heard[j] - k_v * (me.velocity - ahead.velocity) - k_p * delta)
+        speeds[i] = [v.velocity for v in vehicles]
+        vehicles = [plant.advance(v, float(u)) for v, u in zip(vehicles, commands, strict=True)]
+    last = np.arange(steps // 2, steps)
+    wave = np.stack([np.cos(theta * last), np.sin(theta * last), np.ones(last.size), last], axis=1)
+    fit = np.linalg.lstsq(wave, speeds[last], rcond=None)[0]
+    amplitude = np.hypot(fit[0], fit[1])
+    return amplitude[2] / amplitude[1]
+
+
+@pytest.mark.parametrize("stale", [False, True])
+@pytest.mark.parametrize("gains", [A, C], ids=["A", "C"])
+def test_critical_period_is_where_the_certificate_flips(gains, stale):
+    period = critical_period(gains, 5.0, 0.5, stale=stale)
+    assert is_sampled_string_stable(gains, 5.0, 0.5, period * (1 - 1e-5), stale=stale)
+    assert not is_sampled_string_stable(gains, 5.0, 0.5, period * (1 + 1e-5), stale=stale)
+
+
+def test_worst_lag_of_a_fine_grid_is_not_worse():
+    period = critical_period(A, 5.0, 0.5) * (1 - 1e-4)
+    lags = np.linspace(0.0, 0.5, 401)[:, np.newaxis]
+    k = np.linspace(0.4, 0.6, 41)
+    assert sampled_stability_map(A.time_headway, A.k_v, A.k_p, lags, k, period=period).all()
+
+
+@given(st.floats(0.5, 1.5), st.floats(0.2, 1.5), st.floats(-4, 0).map(math.exp), st.floats(0, 0.9))
+@settings(max_examples=200, deadline=None)
+def test_a_short_period_changes_nothing(h, k_v, k_p, k):
+    gains = Gains(h, k, k_v, k_p)
+    margin = l2_gain(gains, 0.5, k).gain
+    sampled = bool(sampled_stability_map(h, k_v, k_p, 0.5, k, period=1e-7))
+    if margin > 1 + 1e-6:
+        assert not sampled
+    if is_string_stable(gains._replace(k_v=k_v * 0.999), 0.5, k) and is_string_stable(
+        gains._replace(k_v=k_v * 1.001), 0.5, k
+    ):
+        assert sampled
+
+
+def test_edges():
+    unstable = A._replace(time_headway=0.65)
+    assert critical_period(unstable, 5.0, 0.5) == 0
+    assert not is_sampled_string_stable(unstable, 5.0, 0.5, 0.01)
+    assert not is_sampled_string_stable(A, 5.0, 0.5, 1e6)
+    assert is_sampled_string_stable(A, 5.0, 0.5, 1e-9)
+    assert critical_period(A, 5.0, 0.5, k_effective=0.5) > critical_period(A, 5.0, 0.5)
+    assert critical_period(A._replace(k_a=0.0, time_headway=3.0, k_v=0.4), 1.0001, 0.5) > 0.1
+    tiny = Gains(9.5e-4, 0.5, 630.0, 9000.0)  # case A on a clock a thousand times faster
+    assert critical_period(tiny, 5.0, 5e-4) == pytest.approx(critical_period(A, 5.0, 0.5) / 1e3)
+    assert is_robustly_string_stable(tiny, 5.0, 5e-4)
+    with pytest.raises(DesignError, match="period = 0 s"):
+        is_sampled_string_stable(A, 5.0, 0.5, 0.0)
