@@ -122,9 +122,10 @@ class PartWriter:
         self.writers = {name: file.write for name, file in self._files.items()}
 
     def flush(self) -> None:
-        """Hand everything to the operating system."""
+        """Hand everything to the operating system; harmless once closed."""
         for file in self._files.values():
-            file.flush()
+            if not file.closed:
+                file.flush()
 
     def close(self) -> None:
         """Flush and close; harmless when done twice."""

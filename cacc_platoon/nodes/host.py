@@ -121,9 +121,11 @@ def _spin(
         except LockstepError as error:
             session.fail(str(error))
         session.poll()
-        if recorder and time.monotonic() - flushed > FLUSH_PERIOD:
-            recorder.flush()
+        if time.monotonic() - flushed > FLUSH_PERIOD:
             flushed = time.monotonic()
+            shared_memory.note_segments()
+            if recorder:
+                recorder.flush()
         if name := stop.received():
             session.fail(f"host {session.host} was stopped by {name}")
             return

@@ -18,7 +18,6 @@ from std_msgs.msg import String
 
 from cacc_platoon.nodes import qos
 from cacc_platoon.nodes.recorder import RecorderNode
-from cacc_platoon.nodes.shared_memory import mapped_segments
 from cacc_platoon.scenario import Scenario
 from msg_adapters.topics import PlatoonTopics
 
@@ -100,9 +99,7 @@ class HostSession:
         if self._status["state"] == MATCHING and self._state["state"] == "up":
             missing = self._missing(self._status["subscribers"])
             if not missing:
-                self._change(
-                    state="matched", missing=[], shared_memory=sorted(mapped_segments(os.getpid()))
-                )
+                self._change(state="matched", missing=[])
             elif missing != self._state["missing"]:
                 self._change(missing=missing)
 

@@ -1,38 +1,58 @@
-"""Fast DDS segments in /dev/shm: which are ours, and removing those of the dead.
+"""Fast DDS files in /dev/shm: which are ours, and removing those of the dead.
 
-Every host notes the segments it has mapped in a file of its own below the temporary folder. A
-process that was killed leaves segments and note behind; the next one of ours removes both, by
-name, and only where no living process maps them.
+A process owns a segment or port for as long as it holds its lock file `<name>_el` open. Every
+host notes what it uses in a file below the temporary folder. A process that was killed leaves
+its note behind, and the segments it owned or sent to; the next process of ours removes them, by
+name, and only what no living process owns.
 """
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import tempfile
 from pathlib import Path
 
 SHARED_MEMORY = Path("/dev/shm")
-_PREFIXES = ("fastrtps_", "sem.fastrtps_", "fastdds_", "sem.fastdds_")
+_PREFIXES = ("fastrtps_", "fastdds_")
+_LOCK = "_el"
 
 
-def mapped_segments(pid: int | str) -> set[str]:
-    """Return the names of the Fast DDS segments that a process has mapped."""
-    try:
+def owned_segments(pid: int | str) -> set[str]:
+    """Return the names of the Fast DDS segments and ports that a process owns."""
+    names = set()
+    with contextlib.suppress(OSError):
+        for link in Path(f"/proc/{pid}/fd").iterdir():
+            with contextlib.suppress(OSError):
+                names.add(os.readlink(link))
+    return _segments(names)
+
+
+def used_segments(pid: int | str) -> set[str]:
+    """Return the names of those that a process owns or has mapped, which is where it sends to."""
+    names = set()
+    with contextlib.suppress(OSError):
         maps = Path(f"/proc/{pid}/maps").read_text()
-    except OSError:
-        return set()
-    names = (line.rpartition(f"{SHARED_MEMORY}/")[2] for line in maps.splitlines())
-    return {name.removesuffix(" (deleted)") for name in names if name.startswith(_PREFIXES)}
+        names = {line.split(maxsplit=5)[-1] for line in maps.splitlines()}
+    return owned_segments(pid) | _segments(names)
+
+
+def _segments(paths: set[str]) -> set[str]:
+    return {
+        path.name.removesuffix(_LOCK)
+        for path in map(Path, paths)
+        if path.parent == SHARED_MEMORY and path.name.startswith(_PREFIXES)
+    }
 
 
 def note_segments() -> None:
-    """Write down the segments of this process, so that others can remove them if it is killed."""
+    """Write down what this process uses, so that others can remove it if it is killed."""
     folder = _notes()
     folder.mkdir(mode=0o700, exist_ok=True)
-    segments = sorted(mapped_segments(os.getpid()))
+    content = {"start": _start_time(os.getpid()), "segments": sorted(used_segments(os.getpid()))}
     temporary = folder / f"{os.getpid()}.new"
-    temporary.write_text(json.dumps({"start": _start_time(os.getpid()), "segments": segments}))
+    temporary.write_text(json.dumps(content))
     temporary.replace(folder / f"{os.getpid()}.json")
 
 
@@ -43,24 +63,24 @@ def forget_segments() -> None:
 
 def sweep() -> list[str]:
     """Remove what dead processes of ours left in shared memory; return the names removed."""
-    removed: list[str] = []
     orphans: set[str] = set()
     for note in sorted(_notes().glob("*.json")):
         try:
             content = json.loads(note.read_text())
         except (OSError, ValueError):
             continue
-        if _start_time(int(note.stem)) == content["start"]:
-            continue
-        orphans.update(content["segments"])
-        note.unlink(missing_ok=True)
+        if _start_time(int(note.stem)) != content["start"]:
+            orphans.update(content["segments"])
+            note.unlink(missing_ok=True)
+    removed: list[str] = []
     if orphans:
-        living = set().union(*(mapped_segments(p.name) for p in Path("/proc").glob("[0-9]*")))
-        for name in sorted(orphans - living):
-            for file in (SHARED_MEMORY / name, SHARED_MEMORY / f"sem.{name}_mutex"):
+        owned = set().union(*(owned_segments(p.name) for p in Path("/proc").glob("[0-9]*")))
+        for name in sorted(orphans - owned):
+            for member in (name, f"{name}{_LOCK}", f"sem.{name}_mutex"):
+                file = SHARED_MEMORY / member
                 if file.exists():
                     file.unlink(missing_ok=True)
-                    removed.append(file.name)
+                    removed.append(member)
     return removed
 
 
@@ -69,9 +89,9 @@ def _notes() -> Path:
 
 
 def _start_time(pid: int) -> str:
-    """Return when a process began, in clock ticks; empty when it is gone."""
+    """Return when a process began, in clock ticks; empty when it is gone or a zombie."""
     try:
-        stat = Path(f"/proc/{pid}/stat").read_text()
+        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     except OSError:
         return ""
-    return stat.rpartition(")")[2].split()[19]
+    return "" if fields[0] == "Z" else fields[19]

@@ -15,6 +15,7 @@ from rclpy.signals import SignalHandlerOptions
 from cacc_platoon.nodes import shared_memory
 from cacc_platoon.nodes.diagnosis import diagnose
 from cacc_platoon.nodes.executor import create_executor, spin_for
+from cacc_platoon.nodes.host import FLUSH_PERIOD
 from cacc_platoon.nodes.launcher import HostProcesses, plan_hosts
 from cacc_platoon.nodes.lockstep import LockstepError
 from cacc_platoon.nodes.recorder import RecorderNode
@@ -89,14 +90,16 @@ def run_platoon(
     processes = HostProcesses()
     status, message = FINISHED, ""
     try:
-        supervision.refuse_second_platoon()
-        processes.start(plans)
-        supervision.conduct(processes)
-    except RunFailedError as failure:
-        status, message = FAILED, str(failure)
-        if stopped():
-            status = INTERRUPTED
-    silent = supervision.end(status, message, processes)
+        try:
+            supervision.refuse_second_platoon()
+            processes.start(plans)
+            supervision.conduct(processes)
+        except RunFailedError as failure:
+            status, message = INTERRUPTED if stopped() else FAILED, str(failure)
+        silent = supervision.end(status, message, processes)
+    except BaseException:
+        processes.stop(patience=0.0)
+        raise
     recording = {**folder.recording(), **supervision.parts_elsewhere()}
     if status == FAILED:
         samples = {name: len(record.messages) for name, record in recording.items()}
@@ -128,7 +131,7 @@ class Supervision:
         self._recorder: RecorderNode | None = None
         self._session: HostSession | None = None
         self._begun = time.monotonic()
-        self._first_sample = self._last_sample = 0.0
+        self._first_sample = self._last_sample = self._flushed = 0.0
         shared_memory.note_segments()
 
     def refuse_second_platoon(self) -> None:
@@ -290,8 +293,11 @@ class Supervision:
         self._node.poll()
         if self._session:
             self._session.poll()
-        if self._recorder:
-            self._recorder.flush()
+        if time.monotonic() - self._flushed > FLUSH_PERIOD:
+            self._flushed = time.monotonic()
+            shared_memory.note_segments()
+            if self._recorder:
+                self._recorder.flush()
 
     def _check_graph(self) -> None:
         if foreign := self._node.foreign_publishers():
