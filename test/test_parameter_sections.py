@@ -19,6 +19,7 @@ PATTERNS = [
     "/platoon/vehicle_2/*",
     "/platoon/vehicle_2/**",
     "/**/vehicle_2/*",
+    "/**/platoon/**/vehicle_2/*",
     "/platoon/*/{reader}",
     "/**/{reader}",
     "/platoon/vehicle_2/{reader}",

@@ -121,6 +121,7 @@ CONTRADICTIONS = {
     "{leader: {profile: csv, times: [0], speeds: [25]}}": "must be two or more",
     "{leader: {profile: csv, times: [1, 2], speeds: [25, 24]}}": "begin with 0",
     "{leader: {profile: csv, times: [0, 1], speeds: [20, 25]}}": "must be the first speed",
+    f"{{vehicle: {{tau: {[0.5] * 13}}}}}": "has 13 values for 12 followers",
     "{vehicle: {tau: 0.5, tau_max: 0.4}}": "must be <= vehicle.tau_max = 0.4 s",
 }
 
@@ -328,6 +329,7 @@ common_values = st.fixed_dictionaries(
         "run.seed": st.integers(0, 2**63 - 1),
         "run.hosts": st.sampled_from(["auto", "per_node", 1, 7]),
         "run.spawn": st.booleans(),
+        "run.by_hand": st.sampled_from([["vehicle_3/vehicle"], ["vehicle_0/leader"], []]),
         "record.directory": st.sampled_from(["", "runs/x", "a b: c", "#1", "true", "12"]),
     },
 )
@@ -342,7 +344,7 @@ def test_a_written_scenario_reads_back_the_same(common, own):
 
 def test_what_is_written_holds_every_parameter_and_no_file():
     text = format_scenario(Scenario())
-    left_out = {"leader.file", "leader.times", "leader.speeds"}
+    left_out = {"leader.file", *(name for name, row in TABLE.items() if row.default == ())}
     for name in TABLE.keys() - left_out:
         assert f"{name.partition('.')[2]}: " in text
 

@@ -1,0 +1,98 @@
+"""`colcon build` of a clean copy, and what `ros2 run` would then execute."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+EXECUTABLES = ["leader", "noise_relay", "platoon", "recorder", "supervisor", "vehicle"]
+
+
+@pytest.fixture(scope="module")
+def workspace(tmp_path_factory, copy_source):
+    """Return a workspace in which the package is built."""
+    folder = tmp_path_factory.mktemp("workspace")
+    copy_source(folder / "src" / "cacc_platoon")
+    environment = {
+        **{name: value for name, value in os.environ.items() if name != "PYTHONPATH"},
+        "HOME": str(folder / "home"),
+        "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
+    }
+    command = [sys.executable, "-m", "colcon", "--log-base", "log"]
+    command += ["build", "--event-handlers", "console_direct-"]
+    build = subprocess.run(
+        command, cwd=folder, env=environment, capture_output=True, text=True, timeout=120
+    )
+    assert build.returncode == 0, build.stdout + build.stderr
+    assert "Finished <<< cacc_platoon" in build.stdout
+    return folder
+
+
+def in_workspace(workspace: Path, *command: str) -> subprocess.CompletedProcess[str]:
+    """Run a command in a shell that has sourced the workspace, away from the source."""
+    script = '. "$0/install/setup.sh" && exec "$@"'
+    return subprocess.run(
+        ["bash", "-c", script, str(workspace), *command],
+        cwd=workspace,
+        env={**os.environ, "ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF"},
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+
+
+def test_executables_are_where_ros2_run_looks(workspace):
+    folder = workspace / "install" / "cacc_platoon" / "lib" / "cacc_platoon"
+    assert sorted(path.name for path in folder.iterdir()) == EXECUTABLES
+    assert not (workspace / "install" / "cacc_platoon" / "bin").exists()
+
+
+@pytest.mark.parametrize("name", EXECUTABLES)
+def test_every_executable_answers_help(workspace, name):
+    path = workspace / "install" / "cacc_platoon" / "lib" / "cacc_platoon" / name
+    answer = in_workspace(workspace, str(path), "--help")
+    assert answer.returncode == 0, answer.stderr
+    assert name in answer.stdout
+    assert len(answer.stdout.splitlines()) >= 3
+
+
+def test_a_misplaced_node_says_so_in_one_line_and_ends(workspace):
+    path = workspace / "install" / "cacc_platoon" / "lib" / "cacc_platoon" / "vehicle"
+    answer = in_workspace(workspace, str(path), "--ros-args", "-r", "__ns:=/elsewhere")
+    assert answer.returncode == 2
+    [line] = answer.stderr.splitlines()
+    assert "vehicle_<i>" in line
+
+
+def test_the_package_is_in_the_ament_index_and_shares_its_files(workspace):
+    script = (
+        "import cacc_platoon, pathlib, ament_index_python as index\n"
+        "print(pathlib.Path(cacc_platoon.__file__).resolve())\n"
+        "print(index.get_package_share_directory('cacc_platoon'))\n"
+    )
+    answer = in_workspace(workspace, sys.executable, "-c", script)
+    assert answer.returncode == 0, answer.stderr
+    module, share = (Path(line) for line in answer.stdout.splitlines())
+    prefix = workspace / "install" / "cacc_platoon"
+    assert module.is_relative_to(prefix / "lib")
+    assert share.resolve() == (prefix / "share" / "cacc_platoon").resolve()
+    assert (share / "package.xml").read_bytes() == (ROOT / "package.xml").read_bytes()
+    assert (share / "launch" / "platoon.launch.py").is_file()
+    installed = {path.name for path in (share / "config").iterdir()}
+    assert installed == {path.name for path in (ROOT / "config").iterdir()}
+    assert {"paper_a.yaml", "paper_b.yaml", "paper_c.yaml"} <= installed
+
+
+def test_every_module_and_data_file_is_installed(workspace):
+    prefix = workspace / "install" / "cacc_platoon"
+    [installed] = prefix.glob("lib/python3.*/site-packages")
+    for package in ("cacc_platoon", "msg_adapters"):
+        source = {path.relative_to(ROOT) for path in files_below(ROOT / package)}
+        assert source == {path.relative_to(installed) for path in files_below(installed / package)}
+
+
+def files_below(folder: Path) -> list[Path]:
+    return [p for p in folder.rglob("*") if p.is_file() and p.suffix != ".pyc"]
