@@ -1,11 +1,14 @@
 """`colcon build` of a clean copy, and what `ros2 run` would then execute."""
 
+import json
 import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+from cacc_platoon.testing import own_domain
 
 ROOT = Path(__file__).parents[2]
 EXECUTABLES = ["leader", "noise_relay", "platoon", "recorder", "supervisor", "vehicle"]
@@ -31,13 +34,15 @@ def workspace(tmp_path_factory, copy_source):
     return folder
 
 
-def in_workspace(workspace: Path, *command: str) -> subprocess.CompletedProcess[str]:
+def in_workspace(
+    workspace: Path, *command: str, **environment: str
+) -> subprocess.CompletedProcess[str]:
     """Run a command in a shell that has sourced the workspace, away from the source."""
     script = '. "$0/install/setup.sh" && exec "$@"'
     return subprocess.run(
         ["bash", "-c", script, str(workspace), *command],
         cwd=workspace,
-        env={**os.environ, "ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF"},
+        env={**os.environ, "ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF", **environment},
         capture_output=True,
         text=True,
         timeout=60,
@@ -65,6 +70,42 @@ def test_a_misplaced_node_says_so_in_one_line_and_ends(workspace):
     assert answer.returncode == 2
     [line] = answer.stderr.splitlines()
     assert "vehicle_<i>" in line
+
+
+PLATOON_BY_HAND = """
+nodes="$1"; shift
+"$nodes/leader" --ros-args -r __ns:=/platoon/vehicle_0 "$@" &
+"$nodes/noise_relay" --ros-args -r __ns:=/platoon/vehicle_1 "$@" -p record:=parts &
+"$nodes/vehicle" --ros-args -r __ns:=/platoon/vehicle_1 "$@" -p record:=parts &
+"$nodes/supervisor" --ros-args "$@" -p run.spawn:=false -p record.directory:=run
+"""
+
+
+def test_a_platoon_started_by_hand_from_the_installed_executables(workspace):
+    nodes = workspace / "install" / "cacc_platoon" / "lib" / "cacc_platoon"
+    scenario = workspace / "install/cacc_platoon/share/cacc_platoon/config/paper_a.yaml"
+    parameters = {"platoon.followers": "1", "run.duration": "2.0", "leader.start": "0.5"}
+    arguments = ["--params-file", str(scenario)]
+    settings = []
+    for name, value in parameters.items():
+        arguments += ["-p", f"{name}:={value}"]
+        settings += ["--set", f"{name}={value}"]
+    with own_domain() as domain:
+        run = in_workspace(
+            workspace,
+            *("bash", "-c", PLATOON_BY_HAND, "by_hand", str(nodes), *arguments),
+            ROS_DOMAIN_ID=str(domain),
+            ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST",
+        )
+    assert run.returncode == 0, run.stdout + run.stderr
+    command = ["simulate", str(scenario), "-o", "simulated", *settings]
+    simulation = in_workspace(workspace, str(nodes / "platoon"), *command)
+    assert simulation.returncode == 0, simulation.stderr
+    digests = {
+        json.loads((workspace / folder / "run.json").read_text())["digest"]
+        for folder in ("run", "simulated")
+    }
+    assert len(digests) == 1
 
 
 def test_the_package_is_in_the_ament_index_and_shares_its_files(workspace):
