@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 __all__ = ["Candidates", "Estimates", "sample_region"]
 
 _LAGS = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
-_PERIOD_STEPS = 9
+_PERIOD_STEPS = 10
 
 
 class Candidates(NamedTuple):
@@ -130,8 +130,9 @@ class Estimates(NamedTuple):
         return result
 
     def critical_period(self, c: Candidates, known: float) -> Float:
-        """Bisect for critical periods [s] between `known`, which all tolerate, and 64 times it."""
-        low, high = np.full(len(c), known), np.full(len(c), 64.0 * known)
+        """Bisect for critical periods [s] between `known`, which all tolerate, and 2/gamma."""
+        low = np.full(len(c), known)
+        high = np.maximum(2.0 / (c.k_v + c.time_headway * c.k_p), low)
         for _ in range(_PERIOD_STEPS):
             middle = np.sqrt(low * high)
             good = self.tolerates_period(c, middle)

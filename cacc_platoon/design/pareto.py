@@ -76,7 +76,7 @@ def ranks(costs: Float) -> Float:
 
 
 def spread_out(costs: Float, count: int) -> NDArray[np.intp]:
-    """Pick `count` rows that cover the set: the best of each column, then the most distant.
+    """Pick up to `count` different rows: the best of each column, then the most distant.
 
     Examples
     --------
@@ -88,7 +88,7 @@ def spread_out(costs: Float, count: int) -> NDArray[np.intp]:
     distance = np.min(
         [np.sum((scaled - scaled[i]) ** 2, axis=1) for i in chosen], axis=0, initial=np.inf
     )
-    while len(chosen) < min(count, len(costs)):
+    while len(chosen) < count and np.max(distance) > 0:
         chosen.append(int(np.argmax(distance)))
         distance = np.minimum(distance, np.sum((scaled - scaled[chosen[-1]]) ** 2, axis=1))
     return np.sort(np.array(chosen, dtype=np.intp))

@@ -1,0 +1,219 @@
+"""`platoon design` as a user types it, and the numbers inside its sentences."""
+
+import argparse
+import json
+import re
+import subprocess
+import sys
+
+import pytest
+
+from cacc_platoon.cli import design
+from cacc_platoon.design import (
+    DesignError,
+    Question,
+    Requirements,
+    answer,
+    exact_region,
+    explain_bounds,
+    explain_design,
+    is_robustly_string_stable,
+    render,
+    verdict,
+)
+from cacc_platoon.errors import UserError
+from cacc_platoon.model import Gains
+from cacc_platoon.scenario_file import load_scenario
+
+CASE_A = "--ka 0.5 --headway 0.95 --kv 0.63 --kp 0.009"
+CASE_B = "--ka 0.5 --headway 0.65 --kv 0.63 --kp 0.009"
+
+
+def platoon_design(text):
+    parser = argparse.ArgumentParser()
+    design.add_arguments(parser)
+    return design.run(parser.parse_args(text.split()))
+
+
+def test_json_has_the_documented_keys(capsys):
+    assert platoon_design(f"--rho 5 --tau0 0.5 {CASE_A} --json") == 0
+    captured = capsys.readouterr()
+    data = json.loads(captured.out)
+    assert captured.err == ""
+    assert {"rho", "snr_db", "tau0", "k_a", "k_a_max", "infimum_headway"} <= set(data)
+    assert set(data["headway_bound"]) == {"paper", "exact"}
+    assert set(data["optimal"]) == {"k_a", "headway"}
+    assert set(data["region"]) == {"a1", "b1", "a2", "b2", "polygon", "area", "nonempty"}
+    certificate = data["certificate"]
+    keys = "internally_stable in_paper_region string_stable l2_gain peak_frequency linf_gain "
+    keys += "sampled latency_margin mean_square_index slowest_time_constant"
+    assert set(keys.split()) <= set(certificate)
+    sampled = "period string_stable critical_period critical_period_stale_accel"
+    assert set(certificate["sampled"]) == set(sampled.split())
+    assert certificate["string_stable"] is True
+    assert certificate["mean_square_index"] == pytest.approx(6.3e-5, rel=0.01)
+    assert data["headway_bound"]["paper"] == pytest.approx(0.9375)
+
+
+def test_infinite_values_are_null_in_json(capsys):
+    unstable = "--ka 0.5 --headway 0.2 --kv 0.01 --kp 5"
+    assert platoon_design(f"--rho 5 --tau0 0.5 {unstable} --json") == 0
+    certificate = json.loads(capsys.readouterr().out)["certificate"]
+    assert certificate["internally_stable"] is False
+    assert certificate["l2_gain"] is None
+    assert certificate["slowest_time_constant"] is None
+
+
+def test_check_tells_unstable_from_stable_designs(capsys):
+    assert platoon_design(f"--rho 5 --tau0 0.5 {CASE_A} --check") == 0
+    assert platoon_design(f"--rho 5 --tau0 0.5 {CASE_B} --check") == 3
+    text = capsys.readouterr().out
+    assert "time_headway = 0.65 s is below 0.714286 s = 2 tau_0/(1 + (1 - 1/rho) k_a)" in text
+    assert "in the paper's region S" in text
+
+
+def test_one_effective_gain_may_pass_where_the_interval_fails(capsys):
+    question = f"--rho 5 --tau0 0.5 {CASE_B} --json --k-effective"
+    assert platoon_design(f"{question} 0.6") == 0
+    good = json.loads(capsys.readouterr().out)
+    assert good["certificate"]["string_stable"]
+    assert good["verdict"].startswith("string stable at tau = 0.5 s")
+    assert platoon_design(f"{question} 0.524086844") == 0
+    bad = json.loads(capsys.readouterr().out)
+    assert bad["certificate"]["l2_gain"] == pytest.approx(1.001163718, abs=1e-9)
+    assert "1.00116372" in bad["verdict"]
+
+
+def test_written_scenario_runs_the_chosen_design(tmp_path, capsys):
+    path = tmp_path / "mine.yaml"
+    command = f"--snr-db 14 --tau0 0.4 --period 0.02 --latency 0.03 --write {path} --pick shortest"
+    assert platoon_design(f"{command} --json") == 0
+    captured = capsys.readouterr()
+    assert str(path) in captured.err
+    chosen = next(d for d in json.loads(captured.out)["recommended"] if d["name"] == "shortest")
+    scenario = load_scenario(path)
+    assert scenario.controller.time_headway == chosen["gains"]["time_headway"]
+    assert scenario.controller.k_p == chosen["gains"]["k_p"]
+    assert (scenario.run.step, scenario.vehicle.tau_max) == (0.02, 0.4)
+    assert scenario.v2v.rho == pytest.approx(10 ** (14 / 20))
+    before = path.read_bytes()
+    with pytest.raises(DesignError, match="overwritten"):
+        platoon_design(command)
+    assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize("period", ["0.01", "0.03", "0.007"])
+def test_a_given_design_is_written_at_any_period(tmp_path, period):
+    path = tmp_path / "given.yaml"
+    assert platoon_design(f"--rho 5 --tau0 0.5 {CASE_A} --period {period} --write {path}") == 0
+    scenario = load_scenario(path)
+    assert tuple(vars(scenario.controller).values())[:1] == (0.95,)
+    assert scenario.run.duration >= 200
+
+
+def test_pictures_are_saved(tmp_path, capsys):
+    assert platoon_design(f"--rho 5 --tau0 0.5 {CASE_A} --plot {tmp_path}") == 0
+    assert "12 pictures" in capsys.readouterr().err
+    assert len(list(tmp_path.iterdir())) == 12
+
+
+def test_explanation_puts_numbers_into_the_formulas(capsys):
+    assert platoon_design(f"--rho 5 --tau0 0.5 {CASE_A} --explain") == 0
+    text = capsys.readouterr().out
+    for piece in ("2*0.5*(1 - 0.4)/(1 - 0.36) = 0.9375 s", "= 0.714286 s", "a1 = 0.64", "Routh"):
+        assert piece in text
+    assert len(explain_bounds(5.0, 0.5, 0.9)) == 4  # past the cap there are no bounds
+    assert "AMPLIFIES" in "\n".join(explain_design(Gains(0.65, 0.5, 0.63, 0.009), 5.0, 0.5))
+
+
+@pytest.mark.parametrize(
+    ("gains", "words"),
+    [
+        (Gains(0.95, 0.9, 0.63, 0.009), ["k_a = 0.9", "0.833333", "Lower k_a"]),
+        (Gains(0.7, 0.5, 0.63, 0.009), ["0.714286 s", "Raise time_headway"]),
+        (Gains(0.8, 0.5, 0.63, 0.009), ["k_p = 0.009", "0.0395857", "Raise k_p"]),
+        (Gains(0.95, 0.5, 0.5, 0.009), ["k_v = 0.5", "0.627304", "Raise k_v"]),
+        (Gains(0.95, 0.5, 0.8, 0.009), ["k_v = 0.8", "0.701188", "Lower k_v"]),
+        (Gains(0.95, 0.5, 0.63, 0.0), ["k_p = 0", "not positive", "Give k_p"]),
+    ],
+)
+def test_verdicts_name_value_rule_and_remedy_and_the_remedy_works(gains, words):
+    assert not is_robustly_string_stable(gains, 5.0, 0.5)
+    text = verdict(gains, 5.0, 0.5)
+    assert all(word in text for word in words), text
+    interval = re.search(r"into \[(.*), (.*)\]", text)
+    if interval:
+        low, high = (float(x) for x in interval.groups())
+        region = exact_region(gains.k_a, gains.time_headway, 5.0, 0.5)
+        assert region.contains(gains.k_p, (low + high) / 2)
+
+
+@pytest.mark.parametrize(
+    "question",
+    [
+        "--rho 1",
+        "--rho nan",
+        "--rho inf",
+        "--snr-db 0",
+        "--rho 5 --ka 0.9",
+        "--rho 5 --ka -0.1",
+        "--rho 5 --ka 0.5 --headway 0.5",
+        "--rho 5 --headway nan",
+        "--rho 5 --kv 1",
+        "--rho 5 --check",
+        "--rho 5 --latency -1",
+        "--rho 5 --period 0",
+        "--rho 5 --max-linf 0.5",
+        "--rho 5 --reception 2",
+        "--rho 5 --predecessors 0",
+        "--rho 5 --ka 0.3 --predecessors 3",
+        "--rho 5 --write no/such/folder/x.yaml",
+        f"--rho 5 {CASE_A} --predecessors 2 --write x.yaml",
+        "--rho 5 --ka 0.5 --headway 1 --kv -1 --kp 0.1",
+        "--rho 5 --max-headway 0.5",
+    ],
+)
+def test_bad_input_is_refused_in_one_line_and_nothing_is_printed(question, capsys):
+    with pytest.raises(UserError) as refusal:
+        platoon_design(f"{question} --tau0 0.5")
+    assert "\n" not in str(refusal.value)
+    assert ". " in str(refusal.value)
+    assert capsys.readouterr().out == ""
+
+
+def test_extensions_are_answered(capsys):
+    more = "--predecessors 2 --reception 0.8"
+    gains = "--ka 0.25 --headway 0.7 --kv 0.3 --kp 0.1"
+    assert platoon_design(f"--rho 5 --tau0 0.5 {gains} {more} --json") == 0
+    data = json.loads(capsys.readouterr().out)
+    assert data["gains"] == pytest.approx(
+        {"time_headway": 1.05, "k_a": 0.5, "k_v": 0.6, "k_p": 0.2}
+    )
+    assert data["extensions"]["predecessors"]["paper"] == pytest.approx(0.625)
+    assert data["extensions"]["predecessors"]["gains"]["k_a"] == pytest.approx(0.25)
+    assert data["extensions"]["reception"]["string_stable"]
+    assert platoon_design(f"--rho 5 --tau0 0.5 --max-headway 0.6 {more}") == 0
+    assert "Predecessors 2" in capsys.readouterr().out
+
+
+def test_text_and_data_say_the_same():
+    data, found = answer(Question(5.0, 0.5, Requirements(k_a=0.5)))
+    text = render(data)
+    assert found is not None
+    for design_ in found.designs:
+        assert f"{design_.gains.time_headway:.4g}" in text
+        assert design_.reason in text
+
+
+def test_the_theory_needs_numpy_alone():
+    blocked = ["scipy", "matplotlib", "rclpy", "ruamel", "control", "yaml", "hypothesis"]
+    code = (
+        "import sys\n"
+        f"sys.modules.update(dict.fromkeys({blocked}))\n"
+        "import cacc_platoon.design as d\n"
+        "from cacc_platoon.model import Gains\n"
+        "assert d.certify(Gains(0.95, 0.5, 0.63, 0.009), 5.0, 0.5).string_stable\n"
+        "assert d.recommend(5.0, 0.5, d.Requirements(k_a=0.5))\n"
+        "for name in d.__all__: getattr(d, name)\n"
+    )
+    subprocess.run([sys.executable, "-W", "error", "-c", code], check=True)

@@ -1,0 +1,151 @@
+"""Recommended designs keep what they promise; impossible wishes are refused in words."""
+
+import math
+import timeit
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cacc_platoon.design import (
+    DesignError,
+    Requirements,
+    assess,
+    certify,
+    infimum_headway,
+    is_robustly_string_stable,
+    is_sampled_string_stable,
+    latency_margin,
+    optimum,
+    paper_design,
+    recommend,
+)
+from cacc_platoon.design.candidates import Candidates, Estimates
+from cacc_platoon.design.pareto import pareto_front, spread_out
+from cacc_platoon.model import Gains
+
+
+@pytest.mark.parametrize(
+    ("rho", "tau_max", "ask"),
+    [
+        (5.0, 0.5, Requirements()),
+        (5.0, 0.5, Requirements(period=0.05, latency=0.1)),
+        (5.0, 0.5, Requirements(k_a=0.5, max_linf=1.001)),
+        (5.0, 0.5, Requirements(time_headway=0.8, max_time_constant=10.0)),
+        (20.0, 0.2, Requirements(latency=0.03)),
+        (1.01, 0.5, Requirements()),
+        (1e9, 0.5, Requirements(max_headway=0.9)),
+    ],
+)
+def test_every_design_is_certified_and_meets_the_requirements(rho, tau_max, ask):
+    found = recommend(rho, tau_max, ask)
+    assert [design.name for design in found.designs] == ["paper", "shortest", "robust", "balanced"]
+    for design in (*found.front, *found.designs[1:]):
+        assert design.unmet == ()
+        assert is_robustly_string_stable(design.gains, rho, tau_max)
+        assert latency_margin(design.gains, rho, tau_max) >= ask.latency + ask.period
+        assert is_sampled_string_stable(design.gains, rho, tau_max, ask.period, stale=True)
+        assert design.linf_gain <= (ask.max_linf or math.inf)
+        assert design.slowest_time_constant <= (ask.max_time_constant or math.inf)
+        assert design.gains.time_headway <= (ask.max_headway or 2.5 * tau_max) * (1 + 1e-12)
+        assert ask.k_a in (None, design.gains.k_a)
+        assert ask.time_headway in (None, design.gains.time_headway)
+    shortest = found["shortest"].gains.time_headway
+    assert shortest == min(design.gains.time_headway for design in found.front)
+    assert shortest > infimum_headway(rho, tau_max)
+    costs = np.array([design.costs for design in found.front])
+    assert len(pareto_front(costs)) == len(costs)
+
+
+def test_the_shortest_beats_the_paper_when_the_exact_theory_allows():
+    found = recommend(5.0, 0.5)
+    assert found["shortest"].gains.time_headway < 0.66 < optimum(5.0, 0.5).time_headway
+    assert found["robust"].latency_margin > 5 * found["paper"].latency_margin
+
+
+def test_the_papers_design_is_in_its_region_and_near_its_optimum():
+    for rho in (1.001, 2.0, 5.0, 1e4):
+        gains = paper_design(rho, 0.5)
+        assert certify(gains, rho, 0.5).in_paper_region
+        assert gains.time_headway == pytest.approx(optimum(rho, 0.5).time_headway * 1.01)
+
+
+@pytest.mark.parametrize(
+    ("rho", "tau_max", "ask", "words"),
+    [
+        (5.0, 0.5, Requirements(max_headway=0.6), ["0.6 s", "tau_0 (1 + 1/rho)", "Raise"]),
+        (5.0, 0.5, Requirements(k_a=0.5, max_headway=0.71), ["0.714286 s", "(1 - 1/rho) k_a"]),
+        (5.0, 0.5, Requirements(k_a=0.9), ["k_a = 0.9", "0.833333", "Lower k_a"]),
+        (5.0, 0.5, Requirements(period=0.5), ["period = 0.5 s", "out of reach", "Relax"]),
+        (5.0, 0.5, Requirements(k_a=0.5, latency=3.0), ["latency + period = 3.01 s", "best"]),
+        (5.0, 0.5, Requirements(max_linf=0.9), ["max_linf = 0.9", ">= 1"]),
+        (5.0, 0.5, Requirements(max_time_constant=0.1), ["max_time_constant = 0.1 s", "best"]),
+        (5.0, 0.5, Requirements(max_headway=0.7, max_linf=1.0), ["max_linf = 1 ", "best"]),
+        (5.0, 0.001, Requirements(), ["period = 0.01 s", "out of reach"]),
+        (5.0, 0.5, Requirements(max_headway=0.6000001), ["0.6000001", "Raise max_headway"]),
+        (math.inf, 0.5, Requirements(), ["finite SNR"]),
+        (math.nan, 0.5, Requirements(), ["rho = nan"]),
+        (5.0, math.nan, Requirements(), ["tau_max = nan"]),
+        (5.0, 0.5, Requirements(latency=math.nan), ["latency = nan"]),
+        (5.0, 0.5, Requirements(time_headway=-1.0), ["time_headway = -1"]),
+    ],
+)
+def test_impossible_wishes_are_refused_in_words(rho, tau_max, ask, words):
+    with pytest.raises(DesignError) as refusal:
+        recommend(rho, tau_max, ask)
+    text = str(refusal.value)
+    assert all(word in text for word in words), text
+    assert "\n" not in text
+
+
+def test_a_name_that_is_not_recommended_is_refused():
+    with pytest.raises(DesignError, match="paper, shortest, robust, balanced"):
+        recommend(5.0, 0.5, Requirements(k_a=0.5))["best"]
+
+
+@given(st.lists(st.tuples(*[st.integers(0, 4)] * 3), min_size=1, max_size=40))
+@settings(max_examples=200, deadline=None)
+def test_front_is_what_nobody_dominates(rows):
+    costs = np.array(rows, dtype=float)
+    expected = [
+        i
+        for i, row in enumerate(costs)
+        if not any(np.all(other <= row) and np.any(other < row) for other in costs)
+    ]
+    assert pareto_front(costs).tolist() == expected
+    picked = {rows[i] for i in spread_out(costs, 5)}
+    assert len(picked) == len(spread_out(costs, 5)) >= min(3, len(set(rows)))
+
+
+def test_estimates_are_close_to_the_certificates():
+    designs = [
+        Gains(0.95, 0.5, 0.63, 0.009),
+        Gains(1.2, 0.4, 0.6, 0.3),
+        Gains(0.75, 0.6, 0.6, 1.5),
+        Gains(0.88, 0.318305009, 0.85, 0.003),
+    ]
+    columns = Candidates(*(np.array(column) for column in zip(*designs, strict=True)))
+    estimates = Estimates(5.0, 0.5)
+    exact = [assess(gains, 5.0, 0.5) for gains in designs]
+    pairs = (
+        (estimates.latency_margin(columns), [d.latency_margin for d in exact], 0.05),
+        (estimates.critical_period(columns, 1e-3), [d.critical_period for d in exact], 0.02),
+        (estimates.linf_gain(columns), [d.linf_gain for d in exact], 2e-3),
+        (
+            estimates.slowest_time_constant(columns),
+            [d.slowest_time_constant for d in exact],
+            1e-9,
+        ),
+    )
+    for estimate, value, tolerance in pairs:
+        assert estimate == pytest.approx(value, rel=tolerance)
+
+
+def test_the_same_question_has_the_same_answer():
+    ask = Requirements(k_a=0.5, period=0.02)
+    assert recommend(5.0, 0.5, ask) == recommend(5.0, 0.5, ask)
+
+
+def test_speed():
+    assert timeit.timeit(lambda: recommend(5.0, 0.5), number=1) < 5
