@@ -8,8 +8,14 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 ROOT = Path(__file__).parents[1]
+
+# The same examples every time, at any speed of the machine; to look for new ones:
+# pytest --hypothesis-profile=default
+settings.register_profile("project", derandomize=True, deadline=None)
+settings.load_profile("project")
 
 _home = tempfile.mkdtemp(prefix="cacc_platoon_test_")
 os.environ["ROS_LOG_DIR"] = _home

@@ -79,7 +79,7 @@ def test_links_seeds_and_samples_are_independent(draws):
     assert np.abs(correlation).max() < 4.5 / np.sqrt(DRAWS)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(
     bounds=st.tuples(st.integers(0, 3 * BLOCK), st.integers(0, 3 * BLOCK)).map(sorted),
     hold=st.sampled_from([1, 2, 3, 7, 100]),
@@ -127,7 +127,7 @@ def test_a_constant_channel_is_constant():
     assert ConstantChannel(1.25).factors(3, 6).tolist() == [1.25] * 3
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.lists(st.integers(0, 4 * BLOCK), min_size=1, max_size=20))
 def test_sample_by_sample_access_in_any_order(samples):
     stream, whole = FactorStream(paper_channel()), paper_channel().factors(0, 4 * BLOCK + 1)

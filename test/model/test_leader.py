@@ -40,7 +40,7 @@ def integral(function, until, breaks):
 
 
 @pytest.mark.parametrize("name", PROFILES)
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(time=st.floats(0.0, 100.0))
 def test_position_and_velocity_are_integrals(name, time):
     profile, breaks = PROFILES[name]

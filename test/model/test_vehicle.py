@@ -29,7 +29,7 @@ def test_one_step_is_the_matrix_exponential(tau, step, state, command):
     np.testing.assert_allclose(result, expected, rtol=1e-12, atol=1e-11)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(tau=st.floats(0.1, 1.0), commands=st.lists(st.floats(-5.0, 5.0), min_size=1, max_size=5))
 def test_steps_follow_the_differential_equation(tau, commands):
     step, state = 0.25, State(3.0, 25.0, -0.5)
