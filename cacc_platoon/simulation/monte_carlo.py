@@ -11,7 +11,8 @@ from cacc_platoon.scenario import Scenario
 from cacc_platoon.simulation.platoon import Progress, channel_factors, propagate
 from cacc_platoon.simulation.trajectory import Array, Trajectory
 
-BATCH = 50
+BATCH_VALUES = 3_000_000
+"""Runs are integrated together up to so many states (samples x runs x vehicles): 100 MB or so."""
 
 
 @dataclass(frozen=True)
@@ -54,8 +55,9 @@ def monte_carlo(scenario: Scenario, runs: int, progress: Progress | None = None)
     shape = (scenario.samples, scenario.platoon.followers)
     total, squares = np.zeros(shape), np.zeros(shape)
     low, high = np.full(shape, np.inf), np.full(shape, -np.inf)
-    for start in range(0, runs, BATCH):
-        seeds = range(start, min(start + BATCH, runs))
+    batch = max(1, BATCH_VALUES // (scenario.samples * (scenario.platoon.followers + 1)))
+    for start in range(0, runs, batch):
+        seeds = range(start, min(start + batch, runs))
         errors = _spacing_errors(scenario, seeds)
         peaks.append(np.abs(errors).max(axis=0))
         total += errors.sum(axis=1)
