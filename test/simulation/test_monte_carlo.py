@@ -1,6 +1,7 @@
 """Many noisy runs: their mean is the expectation run, and each is the run of its own seed."""
 
 import dataclasses
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -33,6 +34,15 @@ def test_the_mean_of_400_noisy_runs_is_the_expectation_run():
     assert ensemble.standard_error.max() > 1e-5
 
 
+@pytest.fixture
+def batches_of_seven(monkeypatch):
+    """Let ensembles of SHORT be simulated seven runs at a time."""
+    values = 7 * SHORT.samples * (SHORT.platoon.followers + 1)
+    module = sys.modules["cacc_platoon.simulation.monte_carlo"]
+    monkeypatch.setattr(module, "BATCH_VALUES", values)
+
+
+@pytest.mark.usefixtures("batches_of_seven")
 def test_each_run_is_the_simulation_of_its_seed():
     ensemble = monte_carlo(SHORT, runs=60)
     errors = np.array([simulate(with_seed(SHORT, 1 + r)).spacing_error for r in range(60)])
@@ -44,6 +54,7 @@ def test_each_run_is_the_simulation_of_its_seed():
     np.testing.assert_allclose(ensemble.standard_error, expected, atol=1e-8)
 
 
+@pytest.mark.usefixtures("batches_of_seven")
 def test_the_first_runs_of_a_larger_ensemble_are_the_same():
     few, many = monte_carlo(SHORT, runs=3), monte_carlo(SHORT, runs=55)
     np.testing.assert_array_equal(few.max_abs_spacing_error, many.max_abs_spacing_error[:3])
@@ -63,10 +74,11 @@ def test_one_run_has_no_spread():
     np.testing.assert_array_equal(ensemble.low, ensemble.high)
 
 
+@pytest.mark.usefixtures("batches_of_seven")
 def test_progress_is_told():
     told = []
-    monte_carlo(SHORT, runs=70, progress=lambda *at: told.append(at))
-    assert told == [(50, 70), (70, 70)]
+    monte_carlo(SHORT, runs=17, progress=lambda *at: told.append(at))
+    assert told == [(7, 17), (14, 17), (17, 17)]
 
 
 @pytest.mark.parametrize("seed", [0, 2**63 - 1])
