@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -27,6 +27,8 @@ from cacc_platoon.simulation import Ensemble, Trajectory, monte_carlo, simulate
 METRICS_FILE = "metrics.json"
 PAGE_FILE = "report.html"
 FIGURES = "figures"
+AUTOMATIC_RUNS = ((20, 400_000), (10, 2_500_000))
+"""Noisy runs simulated beside the recorded one, up to so many states (samples x vehicles)."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +80,7 @@ def analyse(
     output: Path | None = None,
     scenario: Scenario | None = None,
     namespace: str | None = None,
-    runs: int = 0,
+    runs: int | None = None,
     progress: Progress | None = None,
 ) -> Report:
     """Read and judge a run without writing anything, except that an unfinished run is finished.
@@ -94,7 +96,8 @@ def analyse(
     namespace : str, optional
         Which platoon to read when the bag holds several.
     runs : int, optional
-        Size of a Monte Carlo of noisy runs beside the recorded one, 0 for none.
+        Size of a Monte Carlo of noisy runs beside the recorded one, 0 for none; by default some
+        that take a few seconds, and none where no link is noisy.
     progress : callable, optional
         Called now and then with what is being done, how much is done and how much there is.
 
@@ -110,7 +113,7 @@ def analyse(
         consistency = check_consistency(run.trajectory)
         expectation = simulate(expected_scenario(run.trajectory.scenario))
         expected = compute_metrics(expectation)
-        ensemble = monte_carlo(run.trajectory.scenario, runs, _named(progress)) if runs else None
+        ensemble = _ensemble(run.trajectory.scenario, runs, progress)
     return Report(
         output or folder or bag.with_name(f"{bag.stem}_report"),
         run,
@@ -123,8 +126,17 @@ def analyse(
     )
 
 
-def _named(progress: Progress | None) -> Callable[[int, int], None] | None:
-    return (lambda done, total: progress("noisy runs", done, total)) if progress else None
+def _ensemble(scenario: Scenario, runs: int | None, progress: Progress | None) -> Ensemble | None:
+    """Simulate noisy runs; `runs` as in `analyse`."""
+    if all(follower.v2v.noise != "bits" for follower in scenario.followers):
+        return None
+    states = scenario.samples * (scenario.platoon.followers + 1)
+    if runs is None:
+        runs = next((n for n, most in AUTOMATIC_RUNS if states <= most), 0)
+    if not runs:
+        return None
+    said = (lambda done, total: progress("noisy runs", done, total)) if progress else None
+    return monte_carlo(scenario, runs, said)
 
 
 def report_run(
@@ -149,11 +161,11 @@ def report_run(
         `summary()` is what to print.
     """
     report = analyse(path, progress=progress, **options)
-    write_report(report)
+    write_report(report, progress)
     return report
 
 
-def write_report(report: Report) -> None:
+def write_report(report: Report, progress: Progress | None = None) -> None:
     """Write metrics.json, figures/ and report.html into the report's folder.
 
     Raises
@@ -167,7 +179,7 @@ def write_report(report: Report) -> None:
     try:
         report.folder.mkdir(parents=True, exist_ok=True)
         (report.folder / METRICS_FILE).write_text(text + "\n", encoding="utf-8")
-        page = render_page(report, report.folder / FIGURES)
+        page = render_page(report, report.folder / FIGURES, progress)
         (report.folder / PAGE_FILE).write_text(page, encoding="utf-8")
     except OSError as error:
         raise UserError(

@@ -1,6 +1,6 @@
 """Run a scenario in arrays, without ROS: the same run folder and the same digest as `run`.
 
-With --runs N it adds a Monte Carlo of N noisy runs and compares their mean with the expectation.
+A Monte Carlo beside it (--runs N) shows the spread of noisy runs and that their mean is E[X].
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the verb's arguments."""
     add_scenario_arguments(parser)
     parser.add_argument(
-        "--runs", type=int, default=0, metavar="N", help="add a Monte Carlo of N noisy runs"
+        "--runs", type=int, metavar="N", help="size of the Monte Carlo beside it, 0 for none"
     )
     add_verdict_arguments(parser)
 
@@ -38,9 +38,9 @@ def run(options: argparse.Namespace) -> int:
     """Simulate, record, judge."""
     from cacc_platoon.analysis import report_run, warn_if_not_string_stable  # noqa: PLC0415
 
-    if not 0 <= options.runs <= MOST_RUNS or options.runs == 1:
+    if options.runs is not None and (not 0 <= options.runs <= MOST_RUNS or options.runs == 1):
         raise UserError(
-            f"--runs {options.runs}: must be 2 to {MOST_RUNS}; one run has no spread. "
+            f"--runs {options.runs}: must be 0 or 2 to {MOST_RUNS}; one run has no spread. "
             "Leave it out for the run of the scenario's seed alone."
         )
     scenario = load_scenario(options.scenario, options.set)

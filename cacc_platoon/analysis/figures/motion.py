@@ -1,59 +1,132 @@
-"""Figures of one run over time: spacing errors, platoon length, speed, gap."""
+"""Figures of one run over time: spacing errors, speeds, gaps, platoon length, space and time."""
 
 from __future__ import annotations
 
-from cacc_platoon.analysis.figures.style import BLUE, ORANGE, Axes, reduce, vehicle_colours
+import numpy as np
+
+from cacc_platoon.analysis.figures.style import (
+    BLUE,
+    GREY,
+    ORANGE,
+    Axes,
+    reduce,
+    spread,
+    vehicle_colours,
+)
 from cacc_platoon.simulation import Trajectory
 from cacc_platoon.simulation.trajectory import Array
 
-_LEGEND_LIMIT = 14
+MOST_LINES = 25
+"""More vehicles than this are thinned out evenly; the first and the last stay."""
+
+_MOST_TICKS = 7
 
 
-def draw_spacing_errors(axes: Axes, run: Trajectory) -> None:
-    """Draw delta_i of every follower (paper, spacing error figures)."""
-    draw_per_vehicle(axes, run.time, run.spacing_error, first=1)
+def plot_spacing_errors(axes: Axes, run: Trajectory) -> None:
+    """Draw delta_i of every follower (the paper's spacing error figures)."""
+    plot_per_vehicle(axes, run.time, run.spacing_error, first=1)
     axes.set_ylabel(r"spacing error $\delta_i$ [m]")
 
 
-def draw_speeds(axes: Axes, run: Trajectory) -> None:
+def plot_speeds(axes: Axes, run: Trajectory) -> None:
     """Draw the speed of every vehicle, the leader included."""
-    draw_per_vehicle(axes, run.time, run.velocity, first=0)
+    plot_per_vehicle(axes, run.time, run.velocity, first=0)
     axes.set_ylabel(r"speed $v_i$ [m/s]")
 
 
-def draw_gaps(axes: Axes, run: Trajectory) -> None:
+def plot_accelerations(axes: Axes, run: Trajectory) -> None:
+    """Draw the acceleration of every vehicle, the leader included."""
+    plot_per_vehicle(axes, run.time, run.acceleration, first=0)
+    axes.set_ylabel(r"acceleration $a_i$ [m/s$^2$]")
+
+
+def plot_gaps(axes: Axes, run: Trajectory) -> None:
     """Draw the gap in front of every follower."""
-    draw_per_vehicle(axes, run.time, run.gap, first=1)
+    plot_per_vehicle(axes, run.time, run.gap, first=1)
     axes.set_ylabel(r"gap $x_{i-1} - x_i$ [m]")
 
 
-def draw_platoon_length(axes: Axes, run: Trajectory, expectation: Trajectory) -> None:
-    """Draw x_0 - x_N of a run and of its expectation."""
-    axes.plot(*reduce(run.time, run.platoon_length), color=BLUE, label="this run")
-    axes.plot(
-        *reduce(expectation.time, expectation.platoon_length),
-        color=ORANGE,
-        linestyle="--",
-        label="expectation run, w = E[w]",
-    )
+def plot_space_time(axes: Axes, run: Trajectory) -> None:
+    """Draw every path as seen from a frame that keeps the initial speed."""
+    speed = run.scenario.platoon.initial_speed
+    relative = run.position - speed * run.time[:, np.newaxis]
+    plot_per_vehicle(axes, run.time, relative, first=0)
+    axes.set_ylabel(f"position $x_i$ - {speed:g} m/s t [m]")
+
+
+def plot_waterfall(axes: Axes, run: Trajectory) -> None:
+    """Draw the spacing errors one below the other, so that a wave can be seen to travel."""
+    errors = run.spacing_error
+    finite = np.abs(errors[np.isfinite(errors)])
+    scale = float(np.max(finite)) if finite.size and np.max(finite) > 0 else 1.0
+    columns = spread(errors.shape[1], MOST_LINES)
+    distance = (columns[-1] - columns[0]) / max(len(columns) - 1, 1) or 1.0
+    colours = vehicle_colours(errors.shape[1])
+    for column in columns:
+        base = column + 1.0
+        time, values = reduce(run.time, errors[:, column])
+        axes.plot(time, base - 1.6 * distance * values / scale, color=colours[column])
+        axes.axhline(base, color="#d9d9d9", linewidth=0.5, zorder=0)
+    axes.invert_yaxis()
+    axes.grid(visible=False, axis="y")
+    axes.set_yticks([column + 1 for column in columns[:: -(-len(columns) // 13)]])
+    axes.set_xlabel("time [s]")
+    axes.set_ylabel("vehicle")
+    axes.set_title(f"two lines apart: {scale / 1.6:.3g} m of error, positive upwards")
+
+
+def plot_platoon_length(axes: Axes, runs: dict[str, Trajectory]) -> None:
+    """Draw x_0 - x_N of one run or several (the paper's comparison of lengths).
+
+    Parameters
+    ----------
+    axes : Axes
+        Where to draw.
+    runs : dict of str to Trajectory
+        Runs by the text of the legend.
+    """
+    looks = ((BLUE, "-"), (ORANGE, "--"), (GREY, ":"))
+    for (label, run), (colour, line) in zip(runs.items(), looks, strict=False):
+        length = reduce(run.time, run.platoon_length)
+        axes.plot(*length, color=colour, linestyle=line, label=label)
     axes.set_xlabel("time [s]")
     axes.set_ylabel("platoon length $x_0 - x_N$ [m]")
     axes.legend()
 
 
-def draw_per_vehicle(axes: Axes, time: Array, values: Array, first: int) -> None:
-    """Draw one line per vehicle, coloured along the platoon."""
-    count = values.shape[1]
-    shown = set(range(count))
-    if count > _LEGEND_LIMIT:
-        shown = {round(i * (count - 1) / 7) for i in range(8)}
-    for column, colour in enumerate(vehicle_colours(count)):
-        label = f"{column + first}" if column in shown else None
-        axes.plot(*reduce(time, values[:, column]), color=colour, label=label, linewidth=1.0)
+def plot_per_vehicle(axes: Axes, time: Array, values: Array, first: int) -> None:
+    """Draw one line per vehicle, coloured along the platoon, with a scale of the colours.
+
+    Parameters
+    ----------
+    axes : Axes
+        Where to draw.
+    time : ndarray, shape (samples,)
+        Time [s].
+    values : ndarray, shape (samples, n)
+        One column per vehicle.
+    first : int
+        Index of the vehicle in column 0.
+    """
+    columns = spread(values.shape[1], MOST_LINES)
+    colours = vehicle_colours(len(columns))
+    for column, colour in zip(columns, colours, strict=True):
+        axes.plot(*reduce(time, values[:, column]), color=colour, linewidth=1.0)
     axes.set_xlabel("time [s]")
-    axes.legend(
-        title="vehicle",
-        ncols=2 if len(shown) > 7 else 1,
-        loc="center left",
-        bbox_to_anchor=(1.0, 0.5),
-    )
+    _add_colour_scale(axes, [column + first for column in columns], colours)
+
+
+def _add_colour_scale(axes: Axes, vehicles: list[int], colours: list[object]) -> None:
+    from matplotlib.cm import ScalarMappable  # noqa: PLC0415
+    from matplotlib.colors import BoundaryNorm, ListedColormap  # noqa: PLC0415
+
+    count = len(vehicles)
+    norm = BoundaryNorm([i - 0.5 for i in range(count + 1)], count)
+    mappable = ScalarMappable(norm, ListedColormap(colours))
+    scale = axes.figure.colorbar(mappable, ax=axes, pad=0.02, aspect=30)
+    shown = spread(count, _MOST_TICKS if count > _MOST_TICKS + 6 else count)
+    scale.set_ticks(shown, labels=[str(vehicles[i]) for i in shown])
+    scale.ax.minorticks_off()
+    scale.ax.tick_params(length=0)
+    scale.ax.set_title("vehicle", fontsize=8.5)
+    scale.outline.set_visible(False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import io
 import re
 from collections.abc import Callable, Iterator
@@ -22,8 +23,13 @@ BLUE, ORANGE, GREEN, RED, PURPLE, GREY = (
 )
 """Okabe and Ito's palette, and a grey."""
 
-POINTS = 700
+WIDTH = 5.4
+"""Width of one column [inch]: its letters are still legible on a phone."""
+
+POINTS = 600
 """Bins into which long signals are reduced before they are drawn."""
+
+_DECIMALS = re.compile(r"(\.\d\d)\d+")
 
 _RC = {
     "axes.edgecolor": "#404040",
@@ -34,7 +40,6 @@ _RC = {
     "axes.spines.top": False,
     "axes.titlesize": 10.5,
     "figure.constrained_layout.use": True,
-    "figure.figsize": (7.2, 3.6),
     "font.family": "sans-serif",
     "font.size": 10,
     "grid.color": "#d9d9d9",
@@ -56,42 +61,44 @@ def styled(name: str) -> Iterator[None]:
 
 
 def draw_svg(
-    name: str, draw: Callable[..., None], rows: int = 1, size: tuple[float, float] = (7.2, 3.6)
+    name: str, draw: Callable[..., None], rows: int = 1, height: float = 3.1, columns: int = 1
 ) -> str:
     """Return a figure as SVG text that can stand inside of HTML and refers to nothing outside.
 
     Parameters
     ----------
     name : str
-        Short name of the figure.
+        What the figure shows, for readers who cannot see it.
     draw : callable
-        Draws on the axes it is given, one per row.
-    rows : int, optional
-        Number of axes, one above the other.
-    size : tuple of float, optional
-        Width and height [inch].
+        Draws on the axes it is given, `rows` times `columns` of them.
+    rows, columns : int, optional
+        How the axes are arranged.
+    height : float, optional
+        Height [inch]; the width of one column is `WIDTH`.
     """
     from matplotlib.backends.backend_svg import FigureCanvasSVG  # noqa: PLC0415
     from matplotlib.figure import Figure  # noqa: PLC0415
 
     with styled(name):
-        figure = Figure(figsize=size)
+        figure = Figure(figsize=(WIDTH * columns, height))
         FigureCanvasSVG(figure)
-        draw(*figure.subplots(rows, 1, squeeze=False)[:, 0])
+        draw(*figure.subplots(rows, columns, squeeze=False).flat)
         buffer = io.StringIO()
         figure.savefig(buffer, format="svg")
     return _inline(buffer.getvalue(), name)
 
 
 def _inline(svg: str, name: str) -> str:
-    """Leave only what HTML needs: no prolog, no metadata, no namespaces, no fixed size."""
+    """Leave only what HTML needs: no prolog, metadata, namespaces or fixed size; two decimals."""
     svg = svg[svg.index("<svg") :]
     svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
     svg = re.sub(r' xmlns(:\w+)?="[^"]*"', "", svg)
     svg = svg.replace("xlink:href", "href")
     svg = re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", svg, count=1)
     svg = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", svg, count=1)
-    return svg.replace("<svg", f'<svg role="img" aria-label="{name}"', 1).rstrip() + "\n"
+    svg = re.sub(r' d="[^"]*"', lambda path: _DECIMALS.sub(r"\1", path[0]), svg)
+    label = html.escape(name, quote=True)
+    return svg.replace("<svg", f'<svg role="img" aria-label="{label}"', 1).rstrip() + "\n"
 
 
 def standalone(svg: str) -> str:
@@ -135,4 +142,17 @@ def vehicle_colours(count: int) -> list[Any]:
     """Return one colour per vehicle along a perceptually even scale, the first the darkest."""
     import matplotlib as mpl  # noqa: PLC0415
 
-    return [mpl.colormaps["viridis"](0.88 * i / max(count - 1, 1)) for i in range(count)]
+    return [mpl.colormaps["viridis"](0.9 * i / max(count - 1, 1)) for i in range(count)]
+
+
+def spread(count: int, at_most: int) -> list[int]:
+    """Return `at_most` of 0..count-1, evenly spread, the first and the last among them.
+
+    Examples
+    --------
+    >>> spread(101, 5)
+    [0, 25, 50, 75, 100]
+    """
+    if count <= at_most:
+        return list(range(count))
+    return [round(i * (count - 1) / (at_most - 1)) for i in range(at_most)]

@@ -1,0 +1,142 @@
+"""Tables of the report's page: each cell names the key of metrics.json that it shows."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from cacc_platoon.parameter_table import TABLE
+from cacc_platoon.scenario import Scenario
+
+UNKNOWN = "-"
+
+
+class Column(NamedTuple):
+    """One column: heading, unit, the key of its list in metrics.json, the number format.
+
+    `first` is the vehicle that the list begins with.
+    """
+
+    heading: str
+    unit: str
+    key: str
+    form: str = ".4f"
+    first: int = 1
+
+
+FOLLOWER_COLUMNS = (
+    Column("max|delta|", "m", "max_abs_spacing_error", ".6f"),
+    Column("expected max|delta|", "m", "expected.max_abs_spacing_error", ".6f"),
+    Column("hop ratio, max", "-", "hop_ratio.max", ".5f", 2),
+    Column("expected", "-", "expected.hop_ratio.max", ".5f", 2),
+    Column("RMS delta", "m", "rms_spacing_error"),
+    Column("L2 delta", "m s^0.5", "l2_spacing_error"),
+    Column("hop ratio, L2", "-", "hop_ratio.l2", ".5f", 2),
+    Column("expected", "-", "expected.hop_ratio.l2", ".5f", 2),
+    Column("settled after", "s", "settling_time", ".1f"),
+    Column("min gap", "m", "min_gap_per_follower", ".2f"),
+    Column("headway kept, min", "s", "min_time_headway", ".4f"),
+    Column("mean", "s", "mean_time_headway", ".4f"),
+    Column("min TTC", "s", "min_time_to_collision", ".1f"),
+    Column("max|a|", "m/s^2", "max_abs_acceleration", ".4f", 0),
+    Column("max|jerk|", "m/s^3", "max_abs_jerk", ".4f", 0),
+)
+NOISE_COLUMNS = (
+    Column("samples", "-", "samples", "d"),
+    Column("mean w", "-", "mean", ".6f"),
+    Column("E[w]", "-", "expected_mean", ".6f"),
+    Column("variance", "-", "variance", ".6f"),
+    Column("Var[w]", "-", "expected_variance", ".6f"),
+    Column("smallest", "-", "low", ".6f"),
+    Column("largest", "-", "high", ".6f"),
+    Column("SNR", "dB", "snr_db", ".3f"),
+    Column("breaches", "-", "breaches", "d"),
+)
+
+
+def look_up(document: Any, key: str) -> Any:
+    """Return what a dotted key such as `hop_ratio.max.3` means in metrics.json."""
+    for part in key.split("."):
+        document = document[int(part) if isinstance(document, list) else part]
+    return document
+
+
+def cell(document: dict[str, Any], key: str, form: str) -> str:
+    """Return a table cell with the number that `key` means."""
+    value = look_up(document, key)
+    if value is None:
+        return f'<td data-key="{key}">{UNKNOWN}</td>'
+    return f'<td data-key="{key}" data-form="{form}">{value:{form}}</td>'
+
+
+def follower_table(document: dict[str, Any]) -> str:
+    """Return the table of metrics, one row per follower."""
+    rows = []
+    for vehicle in range(1, document["followers"] + 1):
+        cells = [f"<td>{vehicle}</td>"]
+        for column in FOLLOWER_COLUMNS:
+            known = vehicle >= column.first
+            key = f"{column.key}.{vehicle - column.first}"
+            cells.append(cell(document, key, column.form) if known else "<td></td>")
+        rows.append("".join(cells))
+    return _table(
+        [_heading("follower"), *(_heading(c.heading, c.unit) for c in FOLLOWER_COLUMNS)], rows
+    )
+
+
+def noise_table(document: dict[str, Any]) -> str:
+    """Return the realised noise, one row per link."""
+    rows = []
+    for number, link in enumerate(document["noise"]["links"]):
+        cells = [f"<td>{link['follower'] - 1} to {link['follower']}</td>"]
+        cells += [cell(document, f"noise.links.{number}.{c.key}", c.form) for c in NOISE_COLUMNS]
+        rows.append("".join(cells))
+    return _table([_heading("link"), *(_heading(c.heading, c.unit) for c in NOISE_COLUMNS)], rows)
+
+
+def scenario_table(scenario: Scenario) -> str:
+    """Return every parameter of the run with unit and meaning, a vehicle's own ones at the end."""
+    rows = []
+    for name, value in scenario.values().items():
+        row = TABLE[name]
+        rows.append(_parameter(name, value, row.unit, row.meaning))
+    for index, own in scenario.overrides.items():
+        for name, value in own.items():
+            rows.append(
+                _parameter(f"vehicle_{index}: {name}", value, TABLE[name].unit, "own value")
+            )
+    heads = [_heading(text, left=True) for text in ("parameter", "value", "unit", "meaning")]
+    return _table(heads, rows)
+
+
+def fact_table(facts: Sequence[tuple[str, object]]) -> str:
+    """Return names and values, one per row."""
+    rows = [
+        f'<td class="text">{html.escape(name)}</td><td class="code">{html.escape(str(value))}</td>'
+        for name, value in facts
+    ]
+    return _table([], rows)
+
+
+def _parameter(name: str, value: object, unit: str, meaning: str) -> str:
+    if isinstance(value, tuple):
+        shown = ", ".join(f"{item:g}" for item in value) or "none"
+    else:
+        shown = f"{value:g}" if isinstance(value, float) else str(value)
+    text = (html.escape(part) for part in (name, shown, unit, meaning))
+    return "".join(
+        f'<td class="{kind}">{t}</td>'
+        for kind, t in zip(("text", "code", "text", "text"), text, strict=True)
+    )
+
+
+def _heading(text: str, unit: str = "", *, left: bool = False) -> str:
+    small = f"<small>[{html.escape(unit)}]</small>" if unit else ""
+    return f"<th{' class=text' if left else ''}>{html.escape(text)}{small}</th>"
+
+
+def _table(heads: Sequence[str], rows: Sequence[str]) -> str:
+    head = f"<thead><tr>{''.join(heads)}</tr></thead>" if heads else ""
+    body = "".join(f"<tr>{row}</tr>" for row in rows)
+    return f'<div class="scroll"><table>{head}<tbody>{body}</tbody></table></div>'
