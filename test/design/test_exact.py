@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from scipy.linalg import expm
 
 from cacc_platoon.design import (
     TOLERANCE,
@@ -25,6 +26,7 @@ from cacc_platoon.design import (
     string_stability_map,
     worst_l2_gain,
 )
+from cacc_platoon.design.impulse import inverse_laplace
 from cacc_platoon.model import Gains
 
 A = Gains(0.95, 0.5, 0.63, 0.009)
@@ -145,8 +147,6 @@ def simulated_l1_norm(gains, tau, k):
     damping = k_v + h * k_p
     A = np.array([[0, 1, 0], [0, 0, 1], [-k_p / tau, -damping / tau, -1 / tau]])
     read = np.array([k_p, k_v, k]) / tau
-    from scipy.linalg import expm
-
     rates = -np.linalg.eigvals(A).real
     total, state, t = 0.0, np.array([0.0, 0.0, 1.0]), 0.0
     step, end = 1e-4 / np.abs(np.linalg.eigvals(A)).max(), 40 / rates.min()
@@ -180,14 +180,41 @@ def test_l1_norm_against_a_simulated_impulse_response(gains, tau, k):
     assert linf_gain(gains, tau, k) == pytest.approx(simulated_l1_norm(gains, tau, k), rel=2e-6)
 
 
+@pytest.mark.parametrize(
+    "roots",
+    [
+        [-1.0, -1.0, -1.0],
+        [-1.0, -1.0 - 1e-7, -1.0 + 2e-7],
+        [-0.3, -0.7, -2.0],
+        [-0.01, -5.0, -5.0],
+        [-0.5 + 2j, -0.5 - 2j, -0.6],
+        [-0.5 + 1e-6j, -0.5 - 1e-6j, -3.0],
+    ],
+)
+def test_time_functions_against_the_matrix_exponential(roots):
+    """Poles apart, in pairs and meeting: divided differences against a companion matrix."""
+    numerator, t = np.array([0.7, -1.3, 0.4]), np.geomspace(1e-3, 30, 40)
+    _, a2, a1, a0 = np.poly(roots).real
+    companion = np.array([[0, 1, 0], [0, 0, 1], [-a0, -a1, -a2]])
+    expected = [numerator[::-1] @ expm(companion * x) @ [0, 0, 1] for x in t]
+    found = inverse_laplace(numerator, np.array(roots, complex), t)
+    assert found == pytest.approx(expected, rel=1e-9, abs=1e-11)
+
+
+def test_two_zeros_close_together_are_both_found():
+    gains = Gains(2.8187722595837874, 0.7196066164883864, 2.433448772540675, 0.2702204772692205)
+    norm = linf_gain(gains, 0.3580341798124778, gains.k_a)  # a grid alone gives 1.526945
+    assert norm == pytest.approx(1.5269572, abs=1e-7)
+
+
 @given(GAINS, TAUS, st.floats(0.0, 1.0))
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=100, deadline=None)
 def test_l_infinity_gain_is_at_least_the_l2_gain(gains, tau, k):
     assert linf_gain(gains, tau, k) >= l2_gain(gains, tau, k).gain * (1 - 1e-10)
 
 
 @given(st.floats(-1e-7, 1e-7), st.floats(-1e-7, 1e-7), st.floats(0, 1))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=50, deadline=None)
 def test_poles_about_to_meet_do_not_shake_the_l1_norm(d_tau, d_gain, k):
     exact = linf_gain(Gains(0.9, 0.5, 0.7, 1 / 3), 1 / 3, k)
     near = linf_gain(Gains(0.9, 0.5, 0.7 + d_gain, 1 / 3), 1 / 3 + d_tau, k)

@@ -133,7 +133,10 @@ def test_conservatism_of_case_a():
     assert result.area == pytest.approx(
         7.4646e-5 / exact_region(0.5, 0.95, 5, 0.5).area(0.0177285), rel=1e-4
     )
+    assert result.area == pytest.approx(0.0603, abs=5e-5)
     assert conservatism(0.5, 0.8, 5.0, 0.5).area == 0
+    assert not paper_region(0.5, 0.9375 * 0.999, 5.0, 0.5).nonempty
+    assert paper_region(0.5, 0.9375 * 1.001, 5.0, 0.5).nonempty
 
 
 def test_smallest_k_p_grows_as_the_headway_shrinks_and_vanishes_at_the_papers_bound():
