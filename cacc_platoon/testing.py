@@ -27,7 +27,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Any
+from typing import Any
 
 import rclpy
 from rclpy.context import Context
@@ -37,6 +37,7 @@ from std_msgs.msg import String
 
 from cacc_platoon.nodes import qos
 from cacc_platoon.nodes.node import MESSAGE_TYPES
+from cacc_platoon.nodes.shared_memory import cleared_segments
 from cacc_platoon.run_folder import INFO_FILE, RunFolder
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario_file import format_scenario, load_scenario
@@ -46,6 +47,7 @@ from msg_adapters.topics import PlatoonTopics, Topic
 DOMAINS = range(1, 101)
 PATIENCE = 60.0
 GOODBYE = 10.0
+MARK = "CACC_PLATOON_TEST"
 
 
 @dataclass(frozen=True)
@@ -101,6 +103,8 @@ class Platoon:
         Added to the environment of all processes.
     folder : Path, optional
         Where to put the run folder; a temporary one by default.
+    report : bool, optional
+        Whether the command judges the run at the end, as `platoon run` does by default.
     """
 
     def __init__(
@@ -112,9 +116,11 @@ class Platoon:
         by_hand: Mapping[str, Sequence[str]] | None = None,
         environment: Mapping[str, str] | None = None,
         folder: Path | None = None,
+        report: bool = False,
     ) -> None:
         self._temporary = tempfile.TemporaryDirectory(prefix="cacc_platoon_")
         base = folder or Path(self._temporary.name)
+        self._flags = [] if report else ["--no-report"]
         self._by_hand = dict(by_hand or {})
         settings = list(settings)
         if hosts is not None:
@@ -133,7 +139,7 @@ class Platoon:
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
         self._status: dict[str, Any] = {"state": "", "sample": -1, "hosts": []}
         self._output, self._errors = base / "output.txt", base / "errors.txt"
-        self._files: list[IO[bytes]] = []
+        self._mark = f"{MARK}={os.getpid()}-{id(self)}"
 
     def __enter__(self) -> Platoon:
         """Start the supervisor, the hosts and the nodes given by hand."""
@@ -152,6 +158,7 @@ class Platoon:
                 str(self._file),
                 "-o",
                 str(self.folder.path),
+                *self._flags,
             ],
             self._output,
             self._errors,
@@ -168,7 +175,8 @@ class Platoon:
         trace: TracebackType | None,
     ) -> None:
         """End every process that is left, in good order where possible."""
-        self._stack.close()
+        with cleared_segments():
+            self._stack.close()
 
     def start(self, node: str, command: Sequence[str] = (), parameters: Iterable[str] = ()) -> int:
         """Start a node by hand and return its process id; without a command it is one of ours.
@@ -216,6 +224,23 @@ class Platoon:
                     f"it said: {self._errors.read_text().strip() or 'nothing'}"
                 )
 
+    def environment(self) -> dict[str, str]:
+        """Return the environment in which a process of yours meets this platoon."""
+        return {
+            **os.environ,
+            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+            "ROS_PYTHON_CHECK_FIELDS": "1",
+            **self._environment,
+            **dict([self._mark.split("=")]),
+            "ROS_DOMAIN_ID": str(self.domain),
+        }
+
+    def wait_node(self, node: str, timeout: float = PATIENCE) -> None:
+        """Wait until the supervisor knows a node."""
+        self.wait(
+            lambda: any(node in host["nodes"] for host in self._status["hosts"]), timeout, node
+        )
+
     def pid(self, node: str) -> int:
         """Return the process of a node, such as "vehicle_3/vehicle", or of "supervisor"."""
         if node in self._processes:
@@ -224,6 +249,29 @@ class Platoon:
             if node in host["nodes"]:
                 return int(host["pid"])
         raise LookupError(f"{node} is in no host that was heard: {self._status['hosts']}")
+
+    def living(self) -> list[int]:
+        """Return the ids of all processes of this platoon that live, whoever started them."""
+        found = []
+        for process in Path("/proc").glob("[0-9]*"):
+            with contextlib.suppress(OSError):
+                if self._mark.encode() in (process / "environ").read_bytes().split(b"\0"):
+                    found.append(int(process.name))
+        return found
+
+    def wait_gone(self, timeout: float = GOODBYE) -> None:
+        """Wait until no process of this platoon lives.
+
+        Raises
+        ------
+        TimeoutError
+            When some still do.
+        """
+        deadline = time.monotonic() + timeout
+        while living := self.living():
+            if time.monotonic() > deadline:
+                raise TimeoutError(f"processes {living} live on after {timeout:g} s")
+            time.sleep(0.05)
 
     def kill(self, node: str, number: signal.Signals = signal.SIGKILL) -> None:
         """Send a signal to a node's process."""
@@ -276,16 +324,13 @@ class Platoon:
         self._status = json.loads(message.data)
 
     def _run(self, name: str, command: Sequence[str], output: Path, errors: Path) -> int:
-        environment = {
-            **os.environ,
-            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-            "ROS_PYTHON_CHECK_FIELDS": "1",
-            **self._environment,
-            "ROS_DOMAIN_ID": str(self.domain),
-        }
         with output.open("wb") as out, errors.open("ab") as err:
             process = subprocess.Popen(
-                list(command), stdin=subprocess.DEVNULL, stdout=out, stderr=err, env=environment
+                list(command),
+                stdin=subprocess.DEVNULL,
+                stdout=out,
+                stderr=err,
+                env=self.environment(),
             )
         self._processes[name] = process
         return process.pid

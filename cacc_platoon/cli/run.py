@@ -11,7 +11,7 @@ import signal
 import sys
 from pathlib import Path
 
-from cacc_platoon.cli.exit_codes import FAILED
+from cacc_platoon.cli.exit_codes import DONE, FAILED
 from cacc_platoon.cli.judge import add_verdict_arguments, conclude, warn_before
 from cacc_platoon.cli.progress import ProgressLine
 from cacc_platoon.errors import UserError
@@ -24,6 +24,9 @@ from cacc_platoon.signals import StopSignal
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the verb's arguments."""
     add_scenario_arguments(parser)
+    parser.add_argument(
+        "--no-report", action="store_true", help="only record; platoon report judges later"
+    )
     add_verdict_arguments(parser)
 
 
@@ -81,6 +84,8 @@ def run_and_judge(scenario: Scenario, output: Path | None, options: argparse.Nam
         print(f"platoon: {outcome.status}: {outcome.message}", file=sys.stderr)
         print(f"platoon: what was recorded until then is in {folder}", file=sys.stderr)
         return stop.exit_code or FAILED
+    if options.no_report:
+        return DONE
     with ProgressLine() as progress:
         report = report_run(folder, progress)
     return conclude(report, options)

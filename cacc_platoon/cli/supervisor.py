@@ -27,7 +27,7 @@ def main() -> int:
         print(__doc__)
         return DONE
     try:
-        return run_and_judge(_scenario(), None, argparse.Namespace(json=False, check=False))
+        return run_and_judge(_scenario(), None, argparse.Namespace(json=False, check=False, no_report=False))
     except UserError as error:
         print(error, file=sys.stderr)
         return BAD_INPUT

@@ -99,11 +99,11 @@ def serve(
         if recorder:
             recorder.close()
     session.close()
-    executor.shutdown()
-    for node in nodes:
-        node.destroy_node()
-    rclpy.try_shutdown()
-    shared_memory.forget_segments()
+    with shared_memory.cleared_segments():
+        executor.shutdown()
+        for node in nodes:
+            node.destroy_node()
+        rclpy.try_shutdown()
     return 0 if session.finished else 1
 
 

@@ -12,6 +12,7 @@ import contextlib
 import json
 import os
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 SHARED_MEMORY = Path("/dev/shm")
@@ -56,9 +57,16 @@ def note_segments() -> None:
     temporary.replace(folder / f"{os.getpid()}.json")
 
 
-def forget_segments() -> None:
-    """Remove the note of this process, which is about to end in good order."""
+@contextlib.contextmanager
+def cleared_segments() -> Iterator[None]:
+    """Within, DDS is shut down; afterwards what this process used and nobody owns is removed.
+
+    Fast DDS leaves a port behind when sender and owner end at the same time, or one was killed.
+    """
+    used = used_segments(os.getpid())
+    yield
     (_notes() / f"{os.getpid()}.json").unlink(missing_ok=True)
+    remove_unowned(used)
 
 
 def sweep() -> list[str]:
@@ -72,15 +80,21 @@ def sweep() -> list[str]:
         if _start_time(int(note.stem)) != content["start"]:
             orphans.update(content["segments"])
             note.unlink(missing_ok=True)
+    return remove_unowned(orphans)
+
+
+def remove_unowned(names: set[str]) -> list[str]:
+    """Remove those segments and ports that no living process owns; return the files removed."""
+    if not names:
+        return []
+    owned = set().union(*(owned_segments(p.name) for p in Path("/proc").glob("[0-9]*")))
     removed: list[str] = []
-    if orphans:
-        owned = set().union(*(owned_segments(p.name) for p in Path("/proc").glob("[0-9]*")))
-        for name in sorted(orphans - owned):
-            for member in (name, f"{name}{_LOCK}", f"sem.{name}_mutex"):
-                file = SHARED_MEMORY / member
-                if file.exists():
-                    file.unlink(missing_ok=True)
-                    removed.append(member)
+    for name in sorted(names - owned):
+        for member in (name, f"{name}{_LOCK}", f"sem.{name}_mutex"):
+            file = SHARED_MEMORY / member
+            if file.exists():
+                file.unlink(missing_ok=True)
+                removed.append(member)
     return removed
 
 

@@ -195,12 +195,12 @@ class Supervision:
             self._spin()
             dead |= {ended.name for ended in processes.ended()}
         processes.stop()
-        self._executor.shutdown()
-        if self._recorder:
-            self._recorder.destroy_node()
-        node.destroy_node()
-        rclpy.try_shutdown()
-        shared_memory.forget_segments()
+        with shared_memory.cleared_segments():
+            self._executor.shutdown()
+            if self._recorder:
+                self._recorder.destroy_node()
+            node.destroy_node()
+            rclpy.try_shutdown()
         shared_memory.sweep()
         return silent
 

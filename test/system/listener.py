@@ -1,0 +1,46 @@
+"""A stranger's process: subscribes to a platoon's topics by itself and prints their digest.
+
+Uses nothing of the package: names, order and hash are written down here a second time.
+"""
+
+import hashlib
+import sys
+
+import rclpy
+from geometry_msgs.msg import AccelStamped, PoseStamped, TwistStamped
+from rclpy.experimental.events_executor import EventsExecutor
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+
+
+def main() -> None:
+    followers, samples = int(sys.argv[1]), int(sys.argv[2])
+    kinds = {"pose": PoseStamped, "twist": TwistStamped, "accel": AccelStamped}
+    topics = {
+        f"/platoon/vehicle_{i}/{k}": t for i in range(followers + 1) for k, t in kinds.items()
+    }
+    topics |= {f"/platoon/vehicle_{i}/v2v/accel": AccelStamped for i in range(1, followers + 1)}
+    hashes = {name: hashlib.sha256() for name in topics}
+    counts = dict.fromkeys(topics, 0)
+    rclpy.init()
+    node = Node("listener")
+
+    def subscribe(name: str, kind: type) -> None:
+        def receive(data: bytes) -> None:
+            hashes[name].update(data)
+            counts[name] += 1
+
+        node.create_subscription(kind, name, receive, QoSProfile(depth=samples), raw=True)
+
+    for name, kind in topics.items():
+        subscribe(name, kind)
+    executor = EventsExecutor()
+    executor.add_node(node)
+    while min(counts.values()) < samples:
+        executor.spin_once(timeout_sec=60.0)
+    lines = sorted(f"{name} {value.hexdigest()}\n" for name, value in hashes.items())
+    print(hashlib.sha256("".join(lines).encode()).hexdigest())
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,170 @@
+"""What goes wrong with real processes, and what then happens."""
+
+import json
+import math
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from rosbags.rosbag2 import Reader
+
+from cacc_platoon.testing import Platoon
+from msg_adapters.topics import VehicleTopics
+
+SMALL = ("run.duration=60", "platoon.followers=3", "run.real_time_factor=10")
+"""Six seconds of wall time, slow enough to interfere."""
+
+Start = Callable[..., Platoon]
+
+
+def assert_bag_is_readable(run: Platoon, at_least: int) -> None:
+    """Every topic of the digest has at least so many samples in the bag, up to the end."""
+    with Reader(run.folder.bag) as reader:
+        counts = {c.topic: c.msgcount for c in reader.connections if "vehicle_" in c.topic}
+        assert sum(1 for _ in reader.messages()) == sum(counts.values()) + 1
+    assert len(counts) == 15
+    assert min(counts.values()) > at_least
+
+
+@pytest.mark.parametrize("node", ["vehicle_0/leader", "vehicle_2/vehicle", "vehicle_2/noise_relay"])
+def test_a_killed_node_ends_the_run(platoon: Start, node: str) -> None:
+    run = platoon(*SMALL, hosts="per_node")
+    run.wait_sample(200)
+    run.kill(node)
+    result = run.result(timeout=15)
+    assert (result.exit_code, result.status) == (1, "failed")
+    assert node in result.message
+    assert "was killed by SIGKILL" in result.message
+    assert "last complete sample" in result.message
+    assert json.loads((run.folder.path / "run.json").read_text())["status"] == "failed"
+    assert_bag_is_readable(run, at_least=100)
+
+
+def test_a_killed_node_that_was_started_by_hand_ends_the_run(platoon: Start) -> None:
+    settings = (*SMALL, "run.stall_timeout=2", "run.by_hand=[vehicle_2/vehicle]")
+    run = platoon(*settings)
+    run.start("vehicle_2/vehicle")
+    run.wait_sample(200)
+    run.kill("vehicle_2/vehicle")
+    result = run.result(timeout=20)
+    assert result.exit_code == 1
+    assert "no progress for" in result.message
+    assert "vehicle_2/vehicle" in result.message
+    assert_bag_is_readable(run, at_least=100)
+
+
+def test_a_killed_recorder_ends_the_run(platoon: Start) -> None:
+    run = platoon(*SMALL, "run.spawn=false", "run.stall_timeout=2")
+    recorder = run.start_recorder()
+    run.wait_node("host_recorder/recorder")
+    for node in run.scenario.node_names:
+        run.start(node)
+    run.wait_sample(200)
+    run.kill(recorder)
+    result = run.result(timeout=20)
+    assert result.exit_code == 1
+    assert "host_recorder/recorder" in result.message
+    assert_bag_is_readable(run, at_least=100)
+
+
+def test_a_killed_supervisor_leaves_a_folder_that_report_finishes(platoon: Start) -> None:
+    run = platoon(*SMALL, hosts=2)
+    run.wait_sample(200)
+    run.kill("supervisor")
+    run.wait_gone(timeout=10)
+    assert not run.folder.bag.exists()
+    command = [sys.executable, "-m", "cacc_platoon", "report", str(run.folder.path)]
+    report = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert report.returncode == 0, report.stderr
+    assert_bag_is_readable(run, at_least=100)
+    assert (run.folder.path / "report.html").exists()
+
+
+@pytest.mark.parametrize(
+    ("number", "exit_code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)]
+)
+def test_a_signal_ends_the_run_in_good_order(
+    platoon: Start, number: signal.Signals, exit_code: int
+) -> None:
+    run = platoon(*SMALL, hosts=2)
+    run.wait_sample(200)
+    run.kill("supervisor", number)
+    result = run.result(timeout=15)
+    assert (result.exit_code, result.status) == (exit_code, "interrupted")
+    assert "Traceback" not in result.errors
+    assert number.name in result.message
+    assert_bag_is_readable(run, at_least=200)
+
+
+def test_a_terminated_host_ends_the_run_in_good_order(platoon: Start) -> None:
+    run = platoon(*SMALL, hosts=2)
+    run.wait_sample(200)
+    run.kill("vehicle_3/vehicle", signal.SIGTERM)
+    result = run.result(timeout=15)
+    assert (result.exit_code, result.status) == (1, "failed")
+    assert "SIGTERM" in result.message
+    assert_bag_is_readable(run, at_least=200)
+
+
+def test_a_node_that_never_appears_is_named(platoon: Start) -> None:
+    run = platoon(*SMALL, "run.by_hand=[vehicle_2/noise_relay]", "run.start_timeout=4")
+    result = run.result(timeout=20)
+    assert result.exit_code == 1
+    assert "vehicle_2/noise_relay" in result.message
+    assert "have not appeared" in result.message
+
+
+def test_a_stall_names_who_stopped(platoon: Start) -> None:
+    run = platoon(*SMALL, "run.stall_timeout=1.5", hosts="per_node")
+    run.wait_sample(200)
+    run.kill("vehicle_2/vehicle", signal.SIGSTOP)
+    result = run.result(timeout=25)
+    assert result.exit_code == 1
+    assert "no progress for" in result.message
+    assert "vehicle_2/vehicle) does not answer" in result.message
+    assert_bag_is_readable(run, at_least=100)
+
+
+def test_a_second_platoon_of_the_same_name_gives_way(platoon: Start, tmp_path: Path) -> None:
+    run = platoon(*SMALL, hosts=2)
+    run.wait_state("running")
+    second = subprocess.run(
+        [sys.executable, "-m", "cacc_platoon", "run", str(run.scenario_file)]
+        + ["-o", str(tmp_path / "second"), "--no-report"],
+        env=run.environment(),
+        capture_output=True,
+        text=True,
+        timeout=30,
+        check=False,
+    )
+    assert second.returncode == 1
+    assert "another platoon" in second.stderr
+    result = run.result()
+    assert result.status in ("finished", "failed")
+    if result.status == "failed":
+        assert "another platoon" in result.message
+
+
+def test_a_foreign_publisher_is_named(platoon: Start) -> None:
+    run = platoon(*SMALL, hosts=2)
+    run.wait_sample(100)
+    publish = run.publisher(VehicleTopics("/platoon", 1).pose)
+    publish(0, 1.0)
+    result = run.result(timeout=20)
+    assert result.exit_code == 1
+    assert "/platoon/vehicle_1/pose" in result.message or "pose of vehicle_1" in result.message
+    assert "another publisher" in result.message or "observer" in result.message
+
+
+def test_nan_on_a_topic_is_named(platoon: Start) -> None:
+    run = platoon(*SMALL, "run.by_hand=[vehicle_2/noise_relay]")
+    publish = run.stand_in("vehicle_2/noise_relay", VehicleTopics("/platoon", 2).received)
+    run.wait_state("running")
+    publish(0, math.nan)
+    result = run.result(timeout=20)
+    assert result.exit_code == 1
+    assert "vehicle_2" in result.message
+    assert "nan" in result.message

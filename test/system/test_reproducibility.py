@@ -1,0 +1,172 @@
+"""One scenario and seed, one digest: whatever the processes, the load or the order."""
+
+import hashlib
+import multiprocessing
+import random
+import subprocess
+import sys
+from collections import defaultdict
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from rosbags.rosbag2 import Reader
+
+from cacc_platoon.scenario import Scenario
+from cacc_platoon.scenario_file import load_scenario
+from cacc_platoon.simulation import simulate
+from cacc_platoon.testing import Platoon
+from msg_adapters.recording import digest, recording_of, topic_digest
+from msg_adapters.topics import digest_topics
+
+PAPER_A = Path(__file__).parents[2] / "config" / "paper_a.yaml"
+SHORT = ("run.duration=20",)
+LISTENER = Path(__file__).with_name("listener.py")
+
+Start = Callable[..., Platoon]
+
+
+def simulated_digest(scenario: Scenario) -> str:
+    recording = recording_of(simulate(scenario))
+    return digest(recording, scenario.platoon.namespace, scenario.platoon.followers)
+
+
+def bag_digests(bag: Path) -> dict[str, str]:
+    """Hash every vehicle's topics as they stand in the bag."""
+    hashes: dict[str, hashlib._Hash] = defaultdict(hashlib.sha256)
+    with Reader(bag) as reader:
+        for connection, _, data in reader.messages():
+            if "vehicle_" in connection.topic:
+                hashes[connection.topic].update(data)
+    return {name: value.hexdigest() for name, value in hashes.items()}
+
+
+@pytest.fixture(scope="module")
+def expected() -> str:
+    return simulated_digest(load_scenario(PAPER_A, SHORT))
+
+
+@pytest.mark.parametrize("hosts", [1, 2, "per_node"])
+def test_number_of_processes_does_not_matter(platoon: Start, expected: str, hosts: object) -> None:
+    result = platoon(*SHORT, hosts=hosts).result()
+    assert result.exit_code == 0, result.errors
+    assert result.digest == expected
+    assert len(result.info["hosts"]) == (25 if hosts == "per_node" else hosts)
+
+
+def test_every_topic_has_every_sample(platoon: Start) -> None:
+    run = platoon(*SHORT, hosts=2)
+    result = run.result()
+    topics = {topic.name for topic in digest_topics("/platoon", 12)}
+    assert result.info["messages"] == dict.fromkeys(topics, 2001)
+
+
+def burn(until: "multiprocessing.synchronize.Event") -> None:
+    while not until.is_set():
+        hashlib.sha256(b"x" * 100_000).digest()
+
+
+def test_load_does_not_matter(platoon: Start, expected: str) -> None:
+    context = multiprocessing.get_context("spawn")
+    enough = context.Event()
+    burners = [context.Process(target=burn, args=(enough,)) for _ in range(4)]
+    for burner in burners:
+        burner.start()
+    try:
+        assert platoon(*SHORT).result().digest == expected
+    finally:
+        enough.set()
+        for burner in burners:
+            burner.join()
+
+
+@pytest.mark.parametrize(
+    "node",
+    ["vehicle_0/leader", "vehicle_6/vehicle", "vehicle_6/noise_relay", "vehicle_12/vehicle"],
+)
+def test_a_frozen_node_is_waited_for(platoon: Start, expected: str, node: str) -> None:
+    run = platoon(*SHORT, "run.real_time_factor=8", hosts="per_node")
+    run.wait_sample(300)
+    run.freeze(node, seconds=1.0)
+    result = run.result()
+    assert (result.status, result.digest) == ("finished", expected), result.message
+
+
+def test_a_frozen_supervisor_is_waited_for(platoon: Start, expected: str) -> None:
+    run = platoon(*SHORT, "run.real_time_factor=8", hosts=2)
+    run.wait_sample(300)
+    run.freeze("supervisor", seconds=1.0)
+    result = run.result()
+    assert (result.status, result.digest) == ("finished", expected), result.message
+
+
+def test_garbage_on_the_heap_does_not_matter(platoon: Start, expected: str) -> None:
+    result = platoon(*SHORT, environment={"MALLOC_PERTURB_": "165"}).result()
+    assert result.digest == expected
+
+
+def test_the_pace_does_not_matter(platoon: Start) -> None:
+    settings = ("run.duration=4", "run.real_time_factor=2", "platoon.followers=3")
+    result = platoon(*settings).result()
+    assert result.digest == simulated_digest(load_scenario(PAPER_A, settings))
+    assert result.info["real_time_factor"] == pytest.approx(2.0, rel=0.1)
+
+
+def test_nodes_started_by_hand_in_any_order(platoon: Start) -> None:
+    settings = ("run.duration=5", "platoon.followers=3")
+    run = platoon(*settings, "run.spawn=false")
+    nodes = list(run.scenario.node_names)
+    random.Random(5).shuffle(nodes)
+    for node in nodes:
+        run.start(node)
+        run.wait_node(node)
+    result = run.result()
+    assert result.exit_code == 0, result.errors
+    assert result.digest == simulated_digest(load_scenario(PAPER_A, settings))
+
+
+def test_nodes_by_hand_may_record_themselves(platoon: Start, tmp_path: Path) -> None:
+    settings = ("run.duration=5", "platoon.followers=2")
+    run = platoon(*settings, "run.spawn=false")
+    for node in run.scenario.node_names:
+        run.start(node, parameters=[f"record:={tmp_path / 'parts'}"])
+    result = run.result()
+    assert result.digest == simulated_digest(load_scenario(PAPER_A, settings))
+    assert {host["name"] for host in result.info["hosts"]} == {
+        node.replace("/", "_") for node in run.scenario.node_names
+    }
+
+
+def test_another_seed_gives_another_run(platoon: Start, expected: str) -> None:
+    assert platoon(*SHORT, "run.seed=2").result().digest != expected
+
+
+def test_a_gain_of_one_vehicle_changes_what_is_downstream(platoon: Start) -> None:
+    common = load_scenario(PAPER_A, SHORT)
+    changed = platoon(*SHORT, "vehicle_5.controller.k_v=0.7").result()
+    reference = {
+        name: topic_digest(record) for name, record in recording_of(simulate(common)).items()
+    }
+    for name, found in bag_digests(changed.folder.bag).items():
+        index = int(name.split("vehicle_")[1].split("/")[0])
+        upstream = index < 5 or (index == 5 and "v2v" in name)
+        assert (found == reference[name]) == upstream, name
+
+
+def test_an_outside_subscriber_sees_the_same_bits(platoon: Start, expected: str) -> None:
+    run = platoon(*SHORT, "run.spawn=false")
+    listener = subprocess.Popen(
+        [sys.executable, str(LISTENER), "12", "2001"],
+        env=run.environment(),
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        for node in run.scenario.node_names:
+            run.start(node)
+        result = run.result()
+        output, _ = listener.communicate(timeout=60)
+    finally:
+        listener.kill()
+    assert result.digest == expected
+    assert output.strip() == expected
