@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import html
-import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cacc_platoon.analysis.figures.style import standalone
-from cacc_platoon.analysis.page.look import STYLE
+from cacc_platoon.analysis.page.parts import draw_figures, html_page
 from cacc_platoon.analysis.page.pictures import pictures
 from cacc_platoon.analysis.page.tables import (
     fact_table,
@@ -36,42 +33,17 @@ def render_page(report: Report, figures: Path, progress: Progress | None = None)
     progress : callable, optional
         Called before each figure.
     """
-    figures.mkdir(parents=True, exist_ok=True)
-    name = html.escape(report.run.trajectory.scenario.name)
     body = "".join(
         (
             verdict_section(report),
             findings_section(report),
-            "<h2>Figures</h2>",
-            '<div class="grid">',
-            *_figures(report, figures, progress),
-            "</div>",
+            f'<h2>Figures</h2><div class="grid">'
+            f"{draw_figures(list(pictures(report)), figures, progress)}</div>",
             *_numbers(report),
         )
     )
-    data = json.dumps(report.metrics, allow_nan=False).replace("<", "\\u003c")
-    return (
-        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        '<meta name="color-scheme" content="light dark">\n'
-        f"<title>{html.escape(report.verdict.headline)}: {name}</title>\n"
-        f"<style>{STYLE}</style>\n</head>\n<body>\n{body}\n"
-        f'<script type="application/json" id="metrics">{data}</script>\n</body>\n</html>\n'
-    )
-
-
-def _figures(report: Report, folder: Path, progress: Progress | None) -> Iterator[str]:
-    chosen = list(pictures(report))
-    for number, picture in enumerate(chosen):
-        if progress:
-            progress("drawing", number, len(chosen))
-        svg = picture.svg()
-        (folder / f"{picture.name}.svg").write_text(standalone(svg), encoding="utf-8")
-        yield (
-            f"<figure>{svg}<figcaption>"
-            f"<b>{html.escape(picture.title)}.</b> {html.escape(picture.caption)}"
-            "</figcaption></figure>\n"
-        )
+    title = f"{report.verdict.headline}: {report.run.trajectory.scenario.name}"
+    return html_page(title, body, report.metrics)
 
 
 def _numbers(report: Report) -> Iterator[str]:

@@ -110,6 +110,14 @@ def scenario_table(scenario: Scenario) -> str:
     return _table(heads, rows)
 
 
+def text_table(heads: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
+    """Return rows of words."""
+    body = [
+        "".join(f'<td class="text">{html.escape(str(item))}</td>' for item in row) for row in rows
+    ]
+    return _table([_heading(text, left=True) for text in heads], body)
+
+
 def fact_table(facts: Sequence[tuple[str, object]]) -> str:
     """Return names and values, one per row."""
     rows = [

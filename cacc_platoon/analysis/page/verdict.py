@@ -6,7 +6,7 @@ import html
 import math
 from typing import TYPE_CHECKING
 
-from cacc_platoon.analysis.page.tables import cell
+from cacc_platoon.analysis.page.tables import cell, text_table
 from cacc_platoon.analysis.summary import travel
 from cacc_platoon.analysis.verdict import EXACT_TEST, LINF_NAME, PAPER_TEST
 
@@ -114,15 +114,7 @@ def _basis_table(report: Report) -> str:
                 "followers",
             )
         )
-    body = "".join(
-        "<tr>" + "".join(f'<td class="text">{html.escape(str(t))}</td>' for t in row) + "</tr>"
-        for row in rows
-    )
-    heads = "".join(f'<th class="text">{t}</th>' for t in ("question", "answer", "basis"))
-    return (
-        f'<div class="scroll"><table><thead><tr>{heads}</tr></thead><tbody>{body}</tbody></table>'
-        "</div>"
-    )
+    return text_table(("question", "answer", "basis"), rows)
 
 
 def _outcome_table(report: Report) -> str:

@@ -1,0 +1,139 @@
+"""The paper's figures, and some beyond it, from the runs of its three cases."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
+
+from cacc_platoon.analysis.figures import channel, motion, travel
+from cacc_platoon.analysis.figures.style import Axes
+from cacc_platoon.analysis.page.pictures import Picture
+from cacc_platoon.analysis.paper.cases import CASES, RHO, TAU_0, Case
+from cacc_platoon.design import exact_region, paper_region
+from cacc_platoon.design.curves import ResponseBand, response_band, slope_curve
+from cacc_platoon.design.figures import (
+    plot_noise_regions,
+    plot_regions,
+    plot_response,
+    plot_slope,
+)
+from cacc_platoon.model import Gains
+from cacc_platoon.simulation import Trajectory
+
+if TYPE_CHECKING:
+    from cacc_platoon.analysis.report import Report
+
+
+def paper_pictures(reports: Mapping[str, Report]) -> Iterator[Picture]:
+    """Yield the figures in the order of the paper, then those beyond it."""
+    a, b, c = CASES
+    yield Picture(
+        "noise_regions",
+        "Figs. 2 and 3: admissible noise and received acceleration",
+        f"What the receiver may get, over the acceleration sent and over time, rho = {RHO:g}.",
+        lambda plane, time: plot_noise_regions(plane, time, RHO),
+        rows=2,
+        height=5.6,
+    )
+    yield Picture(
+        "headway_slope",
+        "f(k_a)",
+        "Its smaller root is k_a*, where the headway bound is least.",
+        lambda axes: plot_slope(axes, slope_curve(RHO)),
+    )
+    yield _region(a)
+    yield _response(a, reports["A"])
+    yield _errors(a, reports["A"])
+    yield Picture(
+        "noise_link_1_2",
+        "Noise and communicated acceleration, vehicle 1 to 2, case A",
+        "From the recorded run.",
+        lambda noise, signal: channel.plot_noise(noise, signal, reports["A"].run.trajectory, 2),
+        rows=2,
+        height=4.4,
+    )
+    yield _response(b, reports["B"])
+    yield _errors(b, reports["B"])
+    yield _region(c)
+    yield _errors(c, reports["C"])
+    runs = {f"h_w = {case.time_headway:g} s": reports[case.name].run.trajectory for case in (a, c)}
+    yield Picture(
+        "platoon_length",
+        "Platoon length, cases A and C",
+        "The shorter headway makes the shorter platoon.",
+        lambda axes: motion.plot_platoon_length(axes, runs),
+    )
+    yield from _beyond(reports)
+
+
+def _beyond(reports: Mapping[str, Report]) -> Iterator[Picture]:
+    for case in CASES:
+        report = reports[case.name]
+        yield Picture(
+            f"peaks_{case.name.lower()}",
+            f"Beyond the paper: how errors travel in case {case.name}",
+            "Single noisy runs scatter; the expectation run, the mean of them all, shows the rule.",
+            lambda axes, report=report: travel.plot_peaks(
+                axes, report.measured, report.expected, report.ensemble
+            ),
+        )
+    yield Picture(
+        "space_time",
+        "Beyond the paper: space and time, case A",
+        "Paths as seen from a frame that keeps the initial speed.",
+        lambda axes: motion.plot_space_time(axes, reports["A"].run.trajectory),
+    )
+
+
+def _gains(case: Case) -> Gains:
+    return Gains(case.time_headway, case.k_a, case.k_v, case.k_p)
+
+
+def _region(case: Case) -> Picture:
+    gains = _gains(case)
+    paper = paper_region(case.k_a, case.time_headway, RHO, TAU_0)
+    exact = exact_region(case.k_a, case.time_headway, RHO, TAU_0)
+    limit = 1.4 * max([case.k_p, *(k_p for k_p, _ in paper.polygon)])
+    return Picture(
+        f"region_{case.name.lower()}",
+        f"Feasible region of k_p and k_v, case {case.name}",
+        "The paper's S and, around it, everything that is robustly string stable.",
+        lambda axes: plot_regions(axes, paper, exact, gains, limit),
+        height=3.8,
+    )
+
+
+def _response(case: Case, report: Report) -> Picture:
+    mean = report.measured.noise[0].expected_mean
+    band = response_band(_gains(case), RHO, TAU_0, k_effective=case.k_a * mean)
+    return Picture(
+        f"response_{case.name.lower()}",
+        f"|H(jw)| at h_w = {case.time_headway:g} s, case {case.name}",
+        "The paper draws the line; the band is every lag and mean noise it allows. Below: close "
+        "to 1.",
+        lambda far, close: _plot_both(far, close, band),
+        rows=2,
+        height=5.6,
+    )
+
+
+def _plot_both(far: Axes, close: Axes, band: ResponseBand) -> None:
+    plot_response(far, band)
+    plot_response(close, band, close=True)
+
+
+def _errors(case: Case, report: Report) -> Picture:
+    run, expectation = report.run.trajectory, report.expectation
+    return Picture(
+        f"spacing_errors_{case.name.lower()}",
+        f"Spacing errors, case {case.name}",
+        "Above: the recorded noisy run; below: the expectation run.",
+        lambda noisy, mean: _plot_errors(noisy, mean, run, expectation),
+        rows=2,
+        height=5.2,
+    )
+
+
+def _plot_errors(noisy: Axes, mean: Axes, run: Trajectory, expectation: Trajectory) -> None:
+    motion.plot_spacing_errors(noisy, run)
+    motion.plot_spacing_errors(mean, expectation)

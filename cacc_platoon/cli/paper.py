@@ -1,0 +1,106 @@
+"""Repeat the paper: its three cases on nodes, all its figures, and "paper says, we measured".
+
+The folder then holds a run folder per case, figures/, paper.json and paper.html.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import signal
+import sys
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cacc_platoon.cli.exit_codes import DONE, FAILED
+from cacc_platoon.cli.progress import ProgressLine
+from cacc_platoon.cli.simulate import simulate_run
+from cacc_platoon.errors import UserError
+from cacc_platoon.signals import StopSignal
+
+if TYPE_CHECKING:
+    from cacc_platoon.scenario import Scenario
+
+EMPTY = "the paper's results would be mixed with what is there. Choose another folder with -o."
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the verb's arguments."""
+    parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="where everything goes")
+    parser.add_argument(
+        "--simulate", action="store_true", help="without ROS: simulate the cases instead"
+    )
+    parser.add_argument("--seed", type=int, default=1, help="seed of the noise (default: 1)")
+    parser.add_argument("--json", action="store_true", help="print paper.json and nothing else")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the cases, draw, compare."""
+    from cacc_platoon.analysis.paper import (  # noqa: PLC0415  (heavy)
+        CASES,
+        case_scenario,
+        reproduce,
+        write_reproduction,
+    )
+    from cacc_platoon.analysis.report import report_run  # noqa: PLC0415
+
+    folder = options.output or Path("runs") / f"paper-{datetime.now(UTC):%Y%m%dT%H%M%SZ}"
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise UserError(f"{folder}: exists and is not empty, {EMPTY}")
+    scenarios = {case.name: case_scenario(case, {"run.seed": options.seed}) for case in CASES}
+    stop = None if options.simulate else _prepare_nodes()
+    reports = {}
+    for name, scenario in scenarios.items():
+        path = folder / f"case_{name.lower()}"
+        if stop is None:
+            with ProgressLine() as progress:
+                simulate_run(scenario, path, progress)
+        elif not _run_on_nodes(scenario, path, stop):
+            return stop.exit_code or FAILED
+        with ProgressLine() as progress:
+            reports[name] = report_run(path, progress)
+    result = reproduce(reports)
+    with ProgressLine() as progress:
+        page = write_reproduction(result, folder, progress)
+    if options.json:
+        print(json.dumps(result.document(), indent=1, allow_nan=False))
+    else:
+        print(f"{result.summary()}\n\n  page   {page}")
+    return DONE if result.agrees else FAILED
+
+
+def _prepare_nodes() -> StopSignal:
+    """Get ready to start nodes; from now on signals end the run that goes on, in good order.
+
+    Raises
+    ------
+    UserError
+        When ROS is not there.
+    """
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    try:
+        from cacc_platoon.nodes import launcher  # noqa: PLC0415  (needs ROS)
+    except ImportError as error:
+        raise UserError(
+            f"platoon paper: {error}. It needs ROS 2: source its setup file or see Install in the "
+            "README; platoon paper --simulate does without."
+        ) from error
+    stop = StopSignal(signal.SIGINT, signal.SIGTERM, insist=True)
+    launcher.prepare()
+    return stop
+
+
+def _run_on_nodes(scenario: Scenario, path: Path, stop: StopSignal) -> bool:
+    """Run one case; say why when it did not finish."""
+    from cacc_platoon.nodes.session import FINISHED  # noqa: PLC0415  (needs ROS)
+    from cacc_platoon.nodes.supervision import run_platoon  # noqa: PLC0415
+
+    if stop.received():
+        return False
+    with ProgressLine(scenario.run.step) as progress:
+        outcome = run_platoon(scenario, path, progress, stop.received)
+    if outcome.status != FINISHED:
+        print(f"platoon: {scenario.name}: {outcome.status}: {outcome.message}", file=sys.stderr)
+    return outcome.status == FINISHED
