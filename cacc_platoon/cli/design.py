@@ -143,10 +143,10 @@ def _question(args: argparse.Namespace) -> Question:
     )
     bits = V2V().bit_probabilities
     complete = None not in (args.ka, args.headway, args.kv, args.kp)
-    if not complete and (args.kv is not None or args.kp is not None or args.check):
+    if not complete and (args.check or {args.kv, args.kp, args.k_effective} != {None}):
         raise DesignError(
-            "--kv, --kp and --check need a whole design: half of one has no certificate. Give "
-            "--ka, --headway, --kv and --kp, or leave out --kv and --kp to have them chosen."
+            "--kv, --kp, --k-effective and --check need a whole design: half of one has no "
+            "certificate. Give --ka, --headway, --kv and --kp, or none of these."
         )
     question = Question(
         rho,

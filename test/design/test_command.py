@@ -161,6 +161,7 @@ def test_verdicts_name_value_rule_and_remedy_and_the_remedy_works(gains, words):
         "--rho 5 --headway nan",
         "--rho 5 --kv 1",
         "--rho 5 --check",
+        "--rho 5 --k-effective 0.5",
         "--rho 5 --latency -1",
         "--rho 5 --period 0",
         "--rho 5 --max-linf 0.5",

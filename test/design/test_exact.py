@@ -37,7 +37,7 @@ def logs(low, high):
     return st.floats(math.log(low), math.log(high)).map(math.exp)
 
 
-GAINS = st.builds(Gains, logs(0.2, 4), st.floats(0.0, 0.8), logs(5e-3, 5), logs(1e-4, 10))
+GAINS = st.builds(Gains, logs(0.2, 4), st.floats(0.0, 0.9), logs(5e-3, 5), logs(1e-4, 10))
 TAUS = logs(0.02, 2)
 RHOS = logs(1.05, 1e3)
 
@@ -98,6 +98,13 @@ def test_worst_gain_is_the_worst_of_a_grid_of_lags_and_gains(gains, tau_max, rho
         for k in (low, (low + high) / 2, high)
     )
     assert found <= worst * (1 + 1e-12)
+
+
+def test_above_the_cap_too_the_largest_lag_is_the_worst():
+    gains = Gains(3.0, 1.2, 0.2, 0.1)
+    worst = worst_l2_gain(gains, 5.0, 0.5)
+    assert worst == l2_gain(gains, 0.5, 1.44)
+    assert worst.gain > l2_gain(gains, 5e-4, 1.44).gain > 1.44
 
 
 def test_thousands_of_designs_map_and_scalar_agree_with_frequency_sampling():
