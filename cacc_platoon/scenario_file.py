@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +48,17 @@ def load_scenario(path: str | Path, settings: Iterable[str] = ()) -> Scenario:
         reason = getattr(error, "strerror", None) or "is not a text file"
         raise ScenarioError(f"{path}: cannot be read: {reason}. Give a scenario file.") from error
     return parse_scenario(text, source=str(path), folder=path.parent, settings=settings)
+
+
+def parameter_files(arguments: Sequence[str]) -> list[Path]:
+    """Return the files that ROS command-line arguments name with --params-file.
+
+    Examples
+    --------
+    >>> parameter_files(["vehicle", "--ros-args", "--params-file", "a.yaml"])
+    [PosixPath('a.yaml')]
+    """
+    return [Path(value) for flag, value in pairwise(arguments) if flag == "--params-file"]
 
 
 def parse_scenario(

@@ -31,7 +31,6 @@ def generate_launch_description():
         package="cacc_platoon",
         executable="supervisor",
         output="screen",
-        emulate_tty=True,
         ros_arguments=[
             *("--params-file", LaunchConfiguration("scenario")),
             *("-p", ["record.directory:='", LaunchConfiguration("run_folder"), "'"]),

@@ -18,7 +18,7 @@ from cacc_platoon.cli.exit_codes import BAD_INPUT, DONE
 from cacc_platoon.cli.run import run_and_judge
 from cacc_platoon.errors import UserError
 from cacc_platoon.scenario import Scenario
-from cacc_platoon.scenario_file import load_scenario
+from cacc_platoon.scenario_file import load_scenario, parameter_files
 
 
 def main() -> int:
@@ -27,7 +27,9 @@ def main() -> int:
         print(__doc__)
         return DONE
     try:
-        return run_and_judge(_scenario(), None, argparse.Namespace(json=False, check=False, no_report=False))
+        return run_and_judge(
+            _scenario(), None, argparse.Namespace(json=False, check=False, no_report=False)
+        )
     except UserError as error:
         print(error, file=sys.stderr)
         return BAD_INPUT
@@ -43,11 +45,10 @@ def _scenario() -> Scenario:
 
     values = supervisor_parameters()
     overrides: dict[int, dict[str, Any]] = {}
-    name = "supervisor"
-    for flag, path in zip(sys.argv, sys.argv[1:], strict=False):
-        if flag == "--params-file":
-            scenario = load_scenario(path)
-            name = scenario.name
-            for index, section in scenario.overrides.items():
-                overrides.setdefault(index, {}).update(section)
-    return Scenario.from_values(values, overrides, name, Path())
+    name, folder = "supervisor", Path()
+    for path in parameter_files(sys.argv):
+        scenario = load_scenario(path)
+        name, folder = scenario.name, path.parent
+        for index, section in scenario.overrides.items():
+            overrides.setdefault(index, {}).update(section)
+    return Scenario.from_values(values, overrides, name, folder)

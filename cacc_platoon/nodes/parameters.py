@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
@@ -13,6 +15,7 @@ from rclpy.parameter import Parameter as RosParameter
 from cacc_platoon.parameter_table import SNR_DB, TABLE
 from cacc_platoon.parameters import Parameter, ScenarioError, refuse_unknown
 from cacc_platoon.scenario import Scenario
+from cacc_platoon.scenario_file import parameter_files
 
 FOREIGN = ("use_sim_time", "qos_overrides.", "start_type_description_service")
 _LARGE = 1e300
@@ -91,7 +94,9 @@ def scenario_of(node: Node, *own: str) -> Scenario:
             f"{values['platoon.namespace']}, the platoon would never find it. "
             "Correct one of the two."
         )
-    return Scenario.from_values(values, None, f"parameters of {node.get_fully_qualified_name()}")
+    folder = next((path.parent for path in reversed(parameter_files(sys.argv))), Path())
+    source = f"parameters of {node.get_fully_qualified_name()}"
+    return Scenario.from_values(values, None, source, folder)
 
 
 def namespace_prefix(namespace: str) -> str:

@@ -81,15 +81,25 @@ nodes="$1"; shift
 """
 
 
+HAND_SCENARIO = """
+/**:
+  ros__parameters:
+    platoon: {followers: 1}
+    run: {duration: 2.0}
+    leader: {profile: csv, file: tables/speed.csv}
+/platoon/vehicle_1/*:
+  ros__parameters: {controller: {k_v: 0.7}, v2v: {rho: 4.0}}
+"""
+
+
 def test_a_platoon_started_by_hand_from_the_installed_executables(workspace):
+    """Also: a speed table is found beside the file, and a vehicle's own parameters count."""
     nodes = workspace / "install" / "cacc_platoon" / "lib" / "cacc_platoon"
-    scenario = workspace / "install/cacc_platoon/share/cacc_platoon/config/paper_a.yaml"
-    parameters = {"platoon.followers": "1", "run.duration": "2.0", "leader.start": "0.5"}
-    arguments = ["--params-file", str(scenario)]
-    settings = []
-    for name, value in parameters.items():
-        arguments += ["-p", f"{name}:={value}"]
-        settings += ["--set", f"{name}={value}"]
+    scenario = workspace / "scenarios" / "hand.yaml"
+    (scenario.parent / "tables").mkdir(parents=True)
+    scenario.write_text(HAND_SCENARIO)
+    (scenario.parent / "tables" / "speed.csv").write_text("0,25\n0.5,25\n1.5,23\n")
+    arguments = ["--params-file", str(scenario), "-p", "run.seed:=7"]
     with own_domain() as domain:
         run = in_workspace(
             workspace,
@@ -98,7 +108,7 @@ def test_a_platoon_started_by_hand_from_the_installed_executables(workspace):
             ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST",
         )
     assert run.returncode == 0, run.stdout + run.stderr
-    command = ["simulate", str(scenario), "-o", "simulated", *settings]
+    command = ["simulate", str(scenario), "-o", "simulated", "--set", "run.seed=7"]
     simulation = in_workspace(workspace, str(nodes / "platoon"), *command)
     assert simulation.returncode == 0, simulation.stderr
     digests = {
