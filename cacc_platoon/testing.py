@@ -127,13 +127,13 @@ class Platoon:
             settings.append(f"run.hosts={hosts}")
         if by_hand:
             settings.append(f"run.by_hand=[{', '.join(by_hand)}]")
-        self._file = base / "scenario.yaml"
+        self.scenario_file = base / "scenario.yaml"
         if isinstance(scenario, Scenario):
-            self._file.write_text(format_scenario(scenario), encoding="utf-8")
-            self.scenario = load_scenario(self._file, settings)
+            self.scenario_file.write_text(format_scenario(scenario), encoding="utf-8")
+            self.scenario = load_scenario(self.scenario_file, settings)
         else:
             self.scenario = load_scenario(scenario, settings)
-        self._file.write_text(format_scenario(self.scenario), encoding="utf-8")
+        self.scenario_file.write_text(format_scenario(self.scenario), encoding="utf-8")
         self.folder = RunFolder(base / "run")
         self._environment = dict(environment or {})
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
@@ -155,7 +155,7 @@ class Platoon:
                 "-m",
                 "cacc_platoon",
                 "run",
-                str(self._file),
+                str(self.scenario_file),
                 "-o",
                 str(self.folder.path),
                 *self._flags,
@@ -186,8 +186,9 @@ class Platoon:
         namespace, _, kind = node.rpartition("/")
         own = f"import sys; from cacc_platoon.nodes.executables import {kind}; sys.exit({kind}())"
         arguments = [*(command or (sys.executable, "-c", own)), "--ros-args"]
-        arguments += ["-r", f"__ns:={self.scenario.platoon.namespace}/{namespace}"]
-        arguments += ["--params-file", str(self._file)]
+        prefix = self.scenario.platoon.namespace
+        arguments += ["-r", f"__ns:={prefix}/{namespace}".rstrip("/")]
+        arguments += ["--params-file", str(self.scenario_file)]
         for parameter in parameters:
             arguments += ["-p", parameter]
         name = node.replace("/", "_")

@@ -18,7 +18,6 @@ from rclpy.signals import SignalHandlerOptions
 from cacc_platoon.nodes import shared_memory
 from cacc_platoon.nodes.executor import create_executor, spin_for
 from cacc_platoon.nodes.leader import LeaderNode
-from cacc_platoon.nodes.lockstep import LockstepError
 from cacc_platoon.nodes.noise_relay import NoiseRelayNode
 from cacc_platoon.nodes.recorder import RecorderNode
 from cacc_platoon.nodes.session import HostSession
@@ -116,10 +115,7 @@ def _spin(
 ) -> None:
     flushed = time.monotonic()
     while not session.ended:
-        try:
-            spin_for(executor, POLL_PERIOD)
-        except LockstepError as error:
-            session.fail(str(error))
+        spin_for(executor, POLL_PERIOD)
         session.poll()
         if time.monotonic() - flushed > FLUSH_PERIOD:
             flushed = time.monotonic()

@@ -35,6 +35,11 @@ class PlatoonNode(Node):  # type: ignore[misc]
     scenario, index : Scenario and int, optional
         The run and the vehicle; a node started by hand takes them from its parameters and its
         namespace.
+
+    Attributes
+    ----------
+    failures : list of str
+        What went wrong with incoming messages; the first one ends the run.
     """
 
     def __init__(
@@ -52,6 +57,7 @@ class PlatoonNode(Node):  # type: ignore[misc]
             namespace = VehicleTopics(scenario.platoon.namespace, index).namespace
             super().__init__(name, namespace=namespace, use_global_arguments=False)
         self.scenario, self.index = scenario, index
+        self.failures: list[str] = []
         self.topics = VehicleTopics(scenario.platoon.namespace, index)
         self.predecessor = VehicleTopics(scenario.platoon.namespace, index - 1)
         own = scenario.overrides.get(index, {})
@@ -74,12 +80,11 @@ class PlatoonNode(Node):  # type: ignore[misc]
 
         def receive(data: bytes) -> None:
             try:
-                stamp, value = decode(data)
+                take(*decode(data))
             except LayoutError as error:
-                raise LockstepError(
-                    f"{topic.name}: a message {error}: it comes from another publisher"
-                ) from error
-            take(stamp, value)
+                self.failures.append(f"{topic.name}: a message {error}: another publisher sent it")
+            except LockstepError as error:
+                self.failures.append(str(error))
 
         message_type = MESSAGE_TYPES[topic.kind.type_name]
         self.create_subscription(

@@ -10,7 +10,6 @@ from rclpy.node import Node
 from std_msgs.msg import Int64
 
 from cacc_platoon.nodes import qos
-from cacc_platoon.nodes.lockstep import LockstepError
 from cacc_platoon.nodes.node import MESSAGE_TYPES
 from cacc_platoon.scenario import Scenario
 from msg_adapters.recording import PartWriter
@@ -39,6 +38,7 @@ class RecorderNode(Node):  # type: ignore[misc]
         namespace = f"{scenario.platoon.namespace}/host_{host}"
         super().__init__("recorder", namespace=namespace, use_global_arguments=False)
         self.folder = folder.absolute()
+        self.failures: list[str] = []
         self.recorded = [topic.name for topic in topics]
         self.samples = dict.fromkeys(self.recorded, 0)
         self.scenario = scenario
@@ -68,18 +68,19 @@ class RecorderNode(Node):  # type: ignore[misc]
         write = self._part.writers[topic.name]
         unpack, size, step = _STAMP.unpack_from, topic.codec.size, self.scenario.step_ns
         samples, name, last, stride = self.samples, topic.name, self._last, self._stride
-        mark = self._mark
+        mark, failures = self._mark, self.failures
 
         def receive(data: bytes) -> None:
             seconds, nanoseconds = unpack(data)
             k = samples[name]
             if seconds * SECOND + nanoseconds != k * step or len(data) != size:
                 stamp = seconds + nanoseconds / SECOND
-                raise LockstepError(
+                failures.append(
                     f"{name}: a message of {len(data)} bytes stamped {stamp:.9g} s where "
                     f"{k * step / SECOND:.9g} s is due: a message was lost or comes from another "
                     "publisher"
                 )
+                return
             write(data)
             samples[name] = k + 1
             if k % stride == 0 or k == last:

@@ -95,7 +95,10 @@ class HostSession:
         return self._heard is not None and time.monotonic() - self._heard > self._silence_limit
 
     def poll(self) -> None:
-        """Report connections while the supervisor waits for them."""
+        """Report failures, and connections while the supervisor waits for them."""
+        for node in self._nodes:
+            if failures := getattr(node, "failures", None):
+                self.fail(failures[0])
         if self._status["state"] == MATCHING and self._state["state"] == "up":
             missing = self._missing(self._status["subscribers"])
             if not missing:

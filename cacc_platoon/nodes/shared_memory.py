@@ -26,7 +26,7 @@ def owned_segments(pid: int | str) -> set[str]:
     with contextlib.suppress(OSError):
         for link in Path(f"/proc/{pid}/fd").iterdir():
             with contextlib.suppress(OSError):
-                names.add(os.readlink(link))
+                names.add(str(link.readlink()))
     return _segments(names)
 
 

@@ -17,7 +17,6 @@ from cacc_platoon.nodes.diagnosis import diagnose
 from cacc_platoon.nodes.executor import create_executor, spin_for
 from cacc_platoon.nodes.host import FLUSH_PERIOD
 from cacc_platoon.nodes.launcher import HostProcesses, plan_hosts
-from cacc_platoon.nodes.lockstep import LockstepError
 from cacc_platoon.nodes.recorder import RecorderNode
 from cacc_platoon.nodes.session import FAILED, FINISHED, HostSession
 from cacc_platoon.nodes.supervisor import GRAPH_PERIOD, SupervisorNode
@@ -27,9 +26,13 @@ from msg_adapters.recording import read_parts
 from msg_adapters.topics import digest_topics
 
 TICK = 0.02
-NEWCOMER_WAIT = 0.3
+NEWCOMER_WAIT = 0.4
 GOODBYE_TIMEOUT = 3.0
 INTERRUPTED = "interrupted"
+ADVICE = (
+    "Another platoon or publisher uses these names; give one of them another platoon.namespace "
+    "or ROS_DOMAIN_ID"
+)
 
 Observer = Callable[[str, int, int], None]
 """Called with what is going on, the sample reached and the number of samples."""
@@ -136,8 +139,12 @@ class Supervision:
 
     def refuse_second_platoon(self) -> None:
         """Give way when the namespace is taken, before any host is started."""
-        self._wait(lambda: self._elapsed(self._begun) > NEWCOMER_WAIT, "looking around")
-        self._check_graph()
+
+        def looked_around() -> bool:
+            self._check_graph()
+            return self._elapsed(self._begun) > NEWCOMER_WAIT
+
+        self._wait(looked_around, "looking around")
 
     def conduct(self, processes: HostProcesses) -> None:
         """Bring the run from waiting to its last sample.
@@ -181,8 +188,7 @@ class Supervision:
         node = self._node
         dead = {ended.name for ended in processes.ended()}
         node.end(FINISHED if status == FINISHED else FAILED, message)
-        if self._recorder and self._session:
-            self._recorder.close()
+        if self._session:
             self._session.close()
         deadline = time.monotonic() + GOODBYE_TIMEOUT
         while silent := [
@@ -195,6 +201,8 @@ class Supervision:
             self._spin()
             dead |= {ended.name for ended in processes.ended()}
         processes.stop()
+        if self._recorder:
+            self._recorder.close()
         with shared_memory.cleared_segments():
             self._executor.shutdown()
             if self._recorder:
@@ -278,7 +286,7 @@ class Supervision:
             if signal_name := self._stopped():
                 raise RunFailedError(f"stopped by {signal_name}")
             if failures := self._node.failures():
-                raise RunFailedError("; ".join(failures))
+                raise RunFailedError("; ".join([*failures, *self._node.foreign_publishers()[:1]]))
             for ended in processes.ended() if processes else ():
                 nodes = self._node.hosts.get(ended.name, {}).get("nodes", ["before it appeared"])
                 raise RunFailedError(
@@ -286,10 +294,7 @@ class Supervision:
                 )
 
     def _spin(self) -> None:
-        try:
-            spin_for(self._executor, TICK)
-        except LockstepError as error:
-            raise RunFailedError(str(error)) from error
+        spin_for(self._executor, TICK)
         self._node.poll()
         if self._session:
             self._session.poll()
@@ -301,10 +306,7 @@ class Supervision:
 
     def _check_graph(self) -> None:
         if foreign := self._node.foreign_publishers():
-            raise RunFailedError(
-                f"{foreign[0]}: another platoon or publisher uses these names. Give one of them "
-                "another platoon.namespace or ROS_DOMAIN_ID"
-            )
+            raise RunFailedError(f"{foreign[0]}. {ADVICE}")
 
     @staticmethod
     def _elapsed(since: float) -> float:

@@ -1,0 +1,16 @@
+"""A noise relay started by hand whose channel yields NaN at sample 100."""
+
+import math
+import sys
+
+from cacc_platoon.nodes import executables, lockstep
+
+
+class SpoiledStream(lockstep.FactorStream):
+    def at(self, sample: int) -> float:
+        return math.nan if sample == 100 else super().at(sample)
+
+
+if __name__ == "__main__":
+    lockstep.FactorStream = SpoiledStream
+    sys.exit(executables.noise_relay())
