@@ -19,7 +19,13 @@ import numpy as np
 from cacc_platoon.design.errors import require_positive
 from cacc_platoon.design.impulse import total_variation
 from cacc_platoon.design.paper import effective_interval
-from cacc_platoon.design.transfer import ROUTH_SLACK, gamma, is_internally_stable, poles
+from cacc_platoon.design.transfer import (
+    ROUTH_SLACK,
+    gamma,
+    is_internally_stable,
+    poles,
+    require_resolvable,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -271,6 +277,7 @@ def l2_gain(gains: Gains, tau: float, k_effective: float) -> L2Gain:
         return L2Gain(math.inf, abs(float(poles(gains, tau)[0].imag)))
     if is_string_stable(gains, tau, k_effective):
         return L2Gain(1.0, 0.0)
+    require_resolvable(gains, tau)
     return _largest_excess(gains, tau, propagation_margins(gains, tau, k_effective))
 
 

@@ -59,7 +59,7 @@ def latency_headroom(
     )
     B = 1.0 - k * k - 2.0 * lag * (v + h * p)
     C = p * (h * (2.0 * v + h * p) - 2.0 * (1.0 - k))
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         slack = np.maximum((lag * lag * w * w + B) * w * w + C, 0.0) / (2.0 * k)
         discriminant = (v * w) ** 2 + slack * (2.0 * p - slack)
         t = slack / (v * w + np.sqrt(np.maximum(discriminant, 0.0)))

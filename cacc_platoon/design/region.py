@@ -250,9 +250,8 @@ def conservatism(k_a: float, time_headway: float, rho: float, tau_max: float) ->
     if not paper.nonempty:
         return Conservatism(ratio, 0.0)
     k_p_limit = max(k_p for k_p, _ in paper.polygon)
-    return Conservatism(
-        ratio, paper.area / exact_region(k_a, time_headway, rho, tau_max).area(k_p_limit)
-    )
+    whole = exact_region(k_a, time_headway, rho, tau_max).area(k_p_limit)
+    return Conservatism(ratio, paper.area / whole if whole > 0 else 0.0)
 
 
 def stable_gain_range(gains: Gains, tau_max: float) -> tuple[float, float] | None:

@@ -87,6 +87,8 @@ def _certificate_lines(data: dict[str, Any]) -> list[str]:
         f"{_number(c['mean_square_index'])} (bounded below 1)",
         f"  slowest mode {_number(c['slowest_time_constant'])} s; tolerated k_a E[w] "
         + (f"{tolerated[0]:.6g} to {tolerated[1]:.6g}" if tolerated else "none"),
+        f"  |delta_i(t)| <= {_number(c['leader_error_norm'])} ||a_0||_2 for every i"
+        + ("" if c["string_stable"] else ": only for i = 1, as it is not string stable"),
     ]
 
 

@@ -9,20 +9,29 @@ so that ``H(0) = 1`` for every design: a string stable platoon has ``sup |H| = 1
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cacc_platoon.design.errors import require_positive
+from cacc_platoon.design.errors import require, require_positive
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from cacc_platoon.model.control import Gains
 
-__all__ = ["frequency_response", "gamma", "is_internally_stable", "poles", "slowest_time_constant"]
+__all__ = [
+    "frequency_response",
+    "gamma",
+    "is_internally_stable",
+    "poles",
+    "require_resolvable",
+    "slowest_time_constant",
+]
 
 ROUTH_SLACK = 1e-12
+_STIFFEST = 1e14
 
 
 def gamma(gains: Gains) -> float:
@@ -81,6 +90,24 @@ def is_internally_stable(gains: Gains, tau: float) -> bool:
     return gains.k_p > 0 and damping > 0 and damping * (1.0 - ROUTH_SLACK) > tau * gains.k_p
 
 
+def require_resolvable(gains: Gains, tau: float) -> None:
+    """Refuse a loop whose modes lie too far apart for double precision.
+
+    Raises
+    ------
+    DesignError
+        If the rates of the fastest and the slowest mode differ by more than 1e14.
+    """
+    damping, spacing = gamma(gains), math.sqrt(gains.k_p)
+    fastest, slowest = max(1.0 / tau, damping, spacing), min(gains.k_p / damping, spacing)
+    require(
+        math.isfinite(fastest) and fastest <= _STIFFEST * slowest,
+        f"the modes of k_v = {gains.k_v:g} 1/s, k_p = {gains.k_p:g} 1/s^2, tau = {tau:g} s, from "
+        f"{slowest:.3g} to {fastest:.3g} 1/s, are too far apart: no gain can be computed. Choose "
+        "gains nearer to 1/tau and 1/tau^2.",
+    )
+
+
 def poles(gains: Gains, tau: float) -> NDArray[np.complex128]:
     """Roots of ``D(s)``, the slowest first.
 
@@ -108,16 +135,19 @@ def poles(gains: Gains, tau: float) -> NDArray[np.complex128]:
     -0.014418
     """
     require_positive("tau", tau, "s")
+    if is_internally_stable(gains, tau):
+        require_resolvable(gains, tau)
     coefficients = np.array([tau, 1.0, gamma(gains), gains.k_p])
     roots = np.roots(coefficients).astype(np.complex128)
     if roots.size < 3:  # k_p = 0 loses no degree, but an underflowing tau does
         roots = np.append(roots, -1.0 / tau)
     slope = np.polyder(coefficients)
-    for _ in range(3):  # a small root next to a large one leaves np.roots with few digits
-        value = np.polyval(coefficients, roots)
-        step = value / np.where(np.polyval(slope, roots) == 0, 1.0, np.polyval(slope, roots))
-        better = np.abs(np.polyval(coefficients, roots - step)) < np.abs(value)
-        roots = np.where(better, roots - step, roots)
+    with np.errstate(over="ignore", invalid="ignore"):  # a step to infinity is not taken
+        for _ in range(3):  # a small root next to a large one leaves np.roots with few digits
+            value = np.polyval(coefficients, roots)
+            step = value / np.where(np.polyval(slope, roots) == 0, 1.0, np.polyval(slope, roots))
+            better = np.abs(np.polyval(coefficients, roots - step)) < np.abs(value)
+            roots = np.where(better, roots - step, roots)
     return roots[np.lexsort((-roots.imag, -roots.real))]
 
 

@@ -1,12 +1,16 @@
 """`platoon design` as a user types it, and the numbers inside its sentences."""
 
 import argparse
+import contextlib
 import json
+import random
 import re
 import subprocess
 import sys
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from cacc_platoon.cli import design
 from cacc_platoon.design import (
@@ -218,3 +222,29 @@ def test_the_theory_needs_numpy_alone():
         "for name in d.__all__: getattr(d, name)\n"
     )
     subprocess.run([sys.executable, "-W", "error", "-c", code], check=True)
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=150, deadline=None)
+def test_extreme_questions_are_answered_or_refused(seed):
+    """Bounds hit exactly, vanishing and huge values: no NaN, no warning, no other error."""
+    pick = random.Random(seed)
+    rho = pick.choice([1 + 1e-12, 1.0001, 5.0, 1e6, 1e300])
+    tau_max = pick.choice([1e-9, 0.5, 1e6])
+    cap = 1 / (1 + 1 / rho)
+    k_a = cap * pick.choice([0.0, 1e-12, 0.4, 1 - 1e-6, 1 - 1e-12, 1.0])
+    shortest = 2 * tau_max / (1 + (1 - 1 / rho) * k_a)
+    headway = shortest * pick.choice([0.5, 1 - 1e-9, 1.0, 1 + 1e-9, 1.3, 1e6])
+    k_v = pick.choice([0.0, 1e-300, 0.6 / tau_max, 1e6])
+    k_p = pick.choice([0.0, 1e-300, 1e-12, 0.3 / tau_max**2, 1e6])
+    if k_a < cap and headway > shortest and k_p < 1e6 and pick.random() < 0.5:
+        k_v = max(0.0, float(pick.choice(exact_region(k_a, headway, rho, tau_max).bounds(k_p))))
+    period = pick.choice([1e-9, 0.01, 0.1 * tau_max, 1e6])
+    ask = Requirements(k_a=k_a, time_headway=headway, period=period)
+    question = Question(rho, tau_max, ask, k_v=k_v, k_p=k_p, recommend=pick.random() < 0.05)
+    with contextlib.suppress(DesignError):
+        data, _ = answer(question)
+        json.dumps(data, allow_nan=False)
+        render(data)
+        explain_design(Gains(headway, k_a, k_v, k_p), rho, tau_max)
+        assert data["certificate"]["l2_gain"] == 1 or not data["certificate"]["string_stable"]

@@ -208,6 +208,20 @@ def test_time_functions_against_the_matrix_exponential(roots):
     assert found == pytest.approx(expected, rel=1e-9, abs=1e-11)
 
 
+def test_a_geometric_tail_replaces_endless_ringing(monkeypatch):
+    ringing = Gains(0.5, 0.5, 0.003, 1.0)  # gamma barely above tau k_p
+    whole = linf_gain(ringing, 0.5, 0.5)
+    monkeypatch.setattr("cacc_platoon.design.impulse._MAX_HALF_PERIODS", 60)
+    assert linf_gain(ringing, 0.5, 0.5) == pytest.approx(whole, rel=1e-10)
+    assert whole > 100
+
+
+def test_modes_too_far_apart_are_refused():
+    assert is_string_stable(Gains(0.95, 0.5, 0.635, 1e-300), 0.5, 0.5)  # the test itself is exact
+    with pytest.raises(ValueError, match="too far apart"):
+        linf_gain(Gains(0.95, 0.5, 0.635, 1e-300), 0.5, 0.5)
+
+
 def test_two_zeros_close_together_are_both_found():
     gains = Gains(2.8187722595837874, 0.7196066164883864, 2.433448772540675, 0.2702204772692205)
     norm = linf_gain(gains, 0.3580341798124778, gains.k_a)  # a grid alone gives 1.526945
