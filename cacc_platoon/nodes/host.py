@@ -35,6 +35,7 @@ FLUSH_PERIOD = 0.5
 class HostPlan:
     """What one host runs: pairs of node name and vehicle index, and where it records."""
 
+    run: str
     name: str
     nodes: tuple[tuple[str, int], ...]
     scenario: Scenario
@@ -75,7 +76,7 @@ def run_host(plan: HostPlan, lifeline: Connection) -> None:
     recorder = RecorderNode(plan.scenario, plan.name, topics, plan.part)
     nodes: list[Node] = [recorder]
     nodes += [NODE_CLASSES[kind](plan.scenario, index) for kind, index in plan.nodes]
-    session = HostSession(plan.name, nodes, plan.scenario, recorder)
+    session = HostSession(plan.name, nodes, plan.scenario, recorder, plan.run)
     sys.exit(serve(nodes, session, recorder, stop, lifeline.poll))
 
 
@@ -103,6 +104,7 @@ def serve(
         for node in nodes:
             node.destroy_node()
         rclpy.try_shutdown()
+    shared_memory.sweep()
     return 0 if session.finished else 1
 
 

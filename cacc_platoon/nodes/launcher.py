@@ -37,7 +37,7 @@ def prepare() -> None:
     forkserver.ensure_running()
 
 
-def plan_hosts(scenario: Scenario, parts: Path) -> list[HostPlan]:
+def plan_hosts(scenario: Scenario, parts: Path, run: str) -> list[HostPlan]:
     """Divide the vehicles among hosts, neighbours together; a relay goes with its receiver.
 
     Raises
@@ -71,7 +71,7 @@ def plan_hosts(scenario: Scenario, parts: Path) -> list[HostPlan]:
             f"fewer than {LOCALHOST_PARTICIPANTS} on one machine. Give run.hosts a smaller number."
         )
     return [
-        HostPlan(f"{h}", tuple(group), scenario, parts / f"host_{h}")
+        HostPlan(run, f"{h}", tuple(group), scenario, parts / f"host_{h}")
         for h, group in enumerate(groups)
     ]
 

@@ -76,15 +76,17 @@ class PlatoonNode(Node):  # type: ignore[misc]
 
     def follow_stream(self, topic: Topic, take: Callable[[int, float], None]) -> None:
         """Call `take` with stamp [ns] and x of every message of a topic."""
-        decode = topic.codec.decode
+        decode, failures = topic.codec.decode, self.failures
 
         def receive(data: bytes) -> None:
+            if failures:
+                return
             try:
                 take(*decode(data))
             except LayoutError as error:
-                self.failures.append(f"{topic.name}: a message {error}: another publisher sent it")
+                failures.append(f"{topic.name}: a message {error}: another publisher sent it")
             except LockstepError as error:
-                self.failures.append(str(error))
+                failures.append(str(error))
 
         message_type = MESSAGE_TYPES[topic.kind.type_name]
         self.create_subscription(

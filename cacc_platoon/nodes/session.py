@@ -42,6 +42,8 @@ class HostSession:
         The run.
     recorder : RecorderNode, optional
         The host's recorder.
+    run : str, optional
+        Which run the host belongs to; without it, the first one it hears of.
     """
 
     def __init__(
@@ -50,6 +52,7 @@ class HostSession:
         nodes: Iterable[Node],
         scenario: Scenario,
         recorder: RecorderNode | None = None,
+        run: str = "",
     ) -> None:
         self._nodes = list(nodes)
         self._prefix = f"{scenario.platoon.namespace}/"
@@ -58,6 +61,7 @@ class HostSession:
         self._heard: float | None = None
         topics = PlatoonTopics(scenario.platoon.namespace)
         self._state: dict[str, Any] = {
+            "run": run,
             "host": host,
             "pid": os.getpid(),
             "nodes": [_relative(node, self._prefix) for node in self._nodes],
@@ -116,8 +120,11 @@ class HostSession:
         self._change(state="closed")
 
     def _on_status(self, message: String) -> None:
-        self._heard = time.monotonic()
-        self._status = json.loads(message.data)
+        status = json.loads(message.data)
+        if not self._state["run"]:
+            self._change(run=status["run"])
+        if status["run"] == self._state["run"]:
+            self._status, self._heard = status, time.monotonic()
 
     def _missing(self, subscribers: dict[str, int]) -> list[str]:
         """Say which connections of this host's nodes are not there yet."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import uuid
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -86,10 +87,11 @@ def run_platoon(
         When the run cannot start; nothing is left behind then.
     """
     shared_memory.sweep()
-    plans = plan_hosts(scenario, path / "parts") if scenario.run.spawn else []
+    run = uuid.uuid4().hex
+    plans = plan_hosts(scenario, path / "parts", run) if scenario.run.spawn else []
     folder = RunFolder.create(path, scenario)
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-    supervision = Supervision(scenario, folder, observe, stopped)
+    supervision = Supervision(SupervisorNode(scenario, run), folder, observe, stopped)
     processes = HostProcesses()
     status, message = FINISHED, ""
     try:
@@ -121,14 +123,13 @@ class Supervision:
 
     def __init__(
         self,
-        scenario: Scenario,
+        node: SupervisorNode,
         folder: RunFolder,
         observe: Observer,
         stopped: Callable[[], str | None],
     ) -> None:
-        self._scenario, self._folder = scenario, folder
+        self._node, self._scenario, self._folder = node, node.scenario, folder
         self._observe, self._stopped = observe, stopped
-        self._node = SupervisorNode(scenario)
         self._executor: Executor = create_executor()
         self._executor.add_node(self._node)
         self._recorder: RecorderNode | None = None
@@ -158,6 +159,7 @@ class Supervision:
         began = time.monotonic()
 
         def started(missing: list[str], what: str) -> bool:
+            self._check_graph()
             if missing and self._elapsed(began) > limit:
                 raise RunFailedError(
                     f"after {limit:g} s {what}: {_some(missing)}. Start what is missing, or raise "
@@ -273,7 +275,9 @@ class Supervision:
         part = self._folder.parts / "supervisor"
         self._recorder = RecorderNode(self._scenario, "supervisor", topics, part)
         self._executor.add_node(self._recorder)
-        self._session = HostSession("supervisor", [self._recorder], self._scenario, self._recorder)
+        self._session = HostSession(
+            "supervisor", [self._recorder], self._scenario, self._recorder, self._node.run
+        )
         self._wait(lambda: "supervisor" in self._node.hosts, "starting nodes")
 
     def _wait(
@@ -286,7 +290,8 @@ class Supervision:
             if signal_name := self._stopped():
                 raise RunFailedError(f"stopped by {signal_name}")
             if failures := self._node.failures():
-                raise RunFailedError("; ".join([*failures, *self._node.foreign_publishers()[:1]]))
+                foreign = [f"{found}. {ADVICE}" for found in self._node.foreign_publishers()[:1]]
+                raise RunFailedError("; ".join([*failures, *foreign]))
             for ended in processes.ended() if processes else ():
                 nodes = self._node.hosts.get(ended.name, {}).get("nodes", ["before it appeared"])
                 raise RunFailedError(

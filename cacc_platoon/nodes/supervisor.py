@@ -25,17 +25,20 @@ class SupervisorNode(Node):  # type: ignore[misc]
 
     Attributes
     ----------
+    run : str
+        What tells this run from every other.
     hosts : dict of str to dict
         Last word of each host.
     progress : int
         Sample up to which everything is recorded, -1 before the first.
     """
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(self, scenario: Scenario, run: str) -> None:
         prefix = scenario.platoon.namespace
         super().__init__("supervisor", namespace=prefix, use_global_arguments=False)
         parameters.declare(self, scenario, {}, tuple(GROUPS))
         self.scenario = scenario
+        self.run = run
         self.hosts: dict[str, dict[str, Any]] = {}
         self.progress = -1
         self.state = WAITING
@@ -142,6 +145,8 @@ class SupervisorNode(Node):  # type: ignore[misc]
     def _on_host_state(self, message: String) -> None:
         host = json.loads(message.data)
         name = host["host"]
+        if host["run"] != self.run:
+            return
         if name not in self.hosts and host["records"]:
             self._recorded[name] = -1
             topic = f"{self.scenario.platoon.namespace}/host_{name}/recorded"
@@ -181,6 +186,7 @@ class SupervisorNode(Node):  # type: ignore[misc]
     def _publish_status(self) -> None:
         self._heartbeat = time.monotonic()
         status = {
+            "run": self.run,
             "state": self.state,
             "sample": self.progress,
             "samples": self._last + 1,
