@@ -20,7 +20,6 @@ NAMES += ["headway_slope", "noise_regions"]
 @pytest.mark.parametrize(
     ("gains", "rho"),
     [
-        (A, 5.0),
         (A._replace(time_headway=0.65), 5.0),  # both regions empty
         (A._replace(time_headway=0.8), 5.0),  # the paper's empty, the exact one not
         (A._replace(k_a=0.0), 1.0001),
