@@ -15,6 +15,8 @@ from cacc_platoon.design.paper import effective_interval
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from numpy.typing import NDArray
+
     from cacc_platoon.design.curves import BoundCurve, HeadwayOverSnr, ResponseBand, SlopeCurve
     from cacc_platoon.design.designs import Design
     from cacc_platoon.design.paper import PaperRegion
@@ -56,19 +58,7 @@ def plot_regions(
         )
         for edge in (low, high):
             axes.plot(k_p[inside], edge[inside], color=BLUE, lw=1.2)
-    if paper.nonempty:
-        axes.fill(
-            *np.transpose(paper.polygon),
-            facecolor=ORANGE,
-            edgecolor=VERMILION,
-            label="paper's S (sufficient)",
-        )
-    for intercept, slope, color, name in (
-        (paper.a1, paper.a1 / paper.b1, VERMILION, "S1: below"),
-        (paper.a2, paper.a2 / paper.b2, PURPLE, "S2: above"),
-    ):
-        if not paper.nonempty:
-            axes.plot(k_p, intercept - slope * k_p, color=color, ls="--", lw=1.0, label=name)
+    _plot_paper_region(axes, paper, k_p)
     if gains is not None:
         axes.plot(
             gains.k_p, gains.k_v, "o", color=BLACK, mfc="white", mew=1.8, label="operating point"
@@ -86,6 +76,23 @@ def plot_regions(
     empty = "" if exact.nonempty else ": no robust gains"
     axes.set_title(rf"$k_a$ = {exact.k_a:.4g}, $h_w$ = {exact.time_headway:.4g} s{empty}")
     axes.legend(loc="best", fontsize="small")
+
+
+def _plot_paper_region(axes: Any, paper: PaperRegion, k_p: NDArray[np.float64]) -> None:
+    """Draw S, or where it is empty the two lines that leave nothing between them."""
+    if paper.nonempty:
+        axes.fill(
+            *np.transpose(paper.polygon),
+            facecolor=ORANGE,
+            edgecolor=VERMILION,
+            label="paper's S (sufficient)",
+        )
+    for intercept, slope, color, name in (
+        (paper.a1, paper.a1 / paper.b1, VERMILION, "S1: below"),
+        (paper.a2, paper.a2 / paper.b2, PURPLE, "S2: above"),
+    ):
+        if not paper.nonempty:
+            axes.plot(k_p, intercept - slope * k_p, color=color, ls="--", lw=1.0, label=name)
 
 
 def plot_response(axes: Any, band: ResponseBand, *, close: bool = False) -> None:
