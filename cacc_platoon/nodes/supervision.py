@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 import uuid
 from collections.abc import Callable
@@ -136,6 +137,7 @@ class Supervision:
         self._session: HostSession | None = None
         self._begun = time.monotonic()
         self._first_sample = self._last_sample = self._flushed = 0.0
+        self._start_time: float | None = None
         shared_memory.note_segments()
 
     def refuse_second_platoon(self) -> None:
@@ -182,6 +184,7 @@ class Supervision:
         self._check_graph()
         node.begin_running()
         self._first_sample = time.monotonic()
+        self._start_time = _process_age()
         self._follow_progress(processes)
         self._last_sample = time.monotonic()
 
@@ -230,7 +233,7 @@ class Supervision:
             "samples": self._node.progress + 1,
             "wall_time": wall,
             "real_time_factor": run.duration / wall if wall else None,
-            "start_time": max(0.0, self._first_sample - self._begun),
+            "start_time": self._start_time,
             "hosts": self._node.host_summaries(),
             "unrecorded": [
                 topic.name
@@ -316,6 +319,12 @@ class Supervision:
     @staticmethod
     def _elapsed(since: float) -> float:
         return time.monotonic() - since
+
+
+def _process_age() -> float:
+    """Return for how long this process has been there [s]: the wait from command to now."""
+    started = int(Path("/proc/self/stat").read_text().rpartition(")")[2].split()[19])
+    return time.clock_gettime(time.CLOCK_BOOTTIME) - started / os.sysconf("SC_CLK_TCK")
 
 
 def _some(items: list[str], limit: int = 6) -> str:
