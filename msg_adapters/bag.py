@@ -93,7 +93,7 @@ def _write_samples(
     for connection in connections:
         messages = recording[connection.topic].messages
         count, size = messages.shape
-        columns.append((connection, memoryview(messages.reshape(-1)), size, count))
+        columns.append((connection, messages.reshape(-1).data, size, count))
     samples = max((count for *_, count in columns), default=0)
     for k in range(samples):
         for connection, data, size, count in columns:

@@ -169,7 +169,8 @@ def _time_of_max(error: Array, time: Array) -> Array:
 def _last(values: Array) -> Array:
     known = np.isfinite(values)
     index = len(values) - 1 - known[::-1].argmax(axis=0)
-    return values[index, np.arange(values.shape[1])]
+    found: Array = values[index, np.arange(values.shape[1])]
+    return found
 
 
 def _settling_time(error: Array, peak: Array, time: Array) -> Array:
