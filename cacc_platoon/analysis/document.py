@@ -101,12 +101,15 @@ def _smallest(values: Any) -> float:
 def _noise(links: list[LinkNoise]) -> dict[str, Any]:
     """All links together, weighted by their samples, and one by one."""
     heard = [link for link in links if link.samples]
-    total = sum(link.samples for link in heard)
-    mean = sum(link.mean * link.samples for link in heard) / total if total else math.nan
-    spread = sum((link.variance + (link.mean - mean) ** 2) * link.samples for link in heard)
+    weight = np.array([link.samples for link in heard]) / max(1, sum(n.samples for n in heard))
+    means = np.array([link.mean for link in heard])
+    with np.errstate(all="ignore"):
+        mean = float(weight @ means) if heard else math.nan
+        variances = np.array([link.variance for link in heard])
+        variance = float(weight @ (variances + (means - mean) ** 2)) if heard else math.nan
     return {
         "mean_w": mean,
-        "variance_w": spread / total if total else math.nan,
+        "variance_w": variance,
         "min_w": min((link.low for link in heard), default=math.nan),
         "max_w": max((link.high for link in heard), default=math.nan),
         "snr_db": min((link.snr_db for link in heard), default=math.nan),

@@ -204,8 +204,6 @@ def expected_scenario(scenario: Scenario) -> Scenario:
 
 def _locate(path: Path) -> tuple[Path, Path | None]:
     """Return the bag and the run folder around it; a killed run is finished first."""
-    if not path.exists():
-        raise BagError(f"{path}: does not exist. Give a run folder or a bag.")
     if not path.is_dir():
         return path, None
     folder = RunFolder(path)

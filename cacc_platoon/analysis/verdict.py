@@ -34,6 +34,8 @@ PAPER_TEST = "paper's Theorem 2: h_w > h_lb(k_a) and (k_p, k_v) in S = S1 and S2
 L2_NAME = "L2 string stability (H-infinity norm of H, paper's condition (3))"
 LINF_NAME = "L-infinity (L1 norm of the impulse response of H, bounds the ratio of peaks)"
 
+_ABSURD = 100.0  # a mean of w that only damaged data can have
+
 
 class FollowerVerdict(NamedTuple):
     """What holds for one follower's own parameters.
@@ -189,7 +191,7 @@ def _judge_follower(follower: Follower, step: float) -> FollowerVerdict:
 
 def _realised(verdict: FollowerVerdict, follower: Follower, mean: float) -> FollowerVerdict:
     """Fill in what holds for the mean w that this run had."""
-    if not math.isfinite(mean):
+    if not abs(mean) < _ABSURD:
         return verdict._replace(follower=follower.index)
     k = follower.gains.k_a * mean
     return verdict._replace(

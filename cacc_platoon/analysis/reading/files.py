@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from ruamel.yaml import YAML
 
-from cacc_platoon.analysis.reading.mcap import CompressedError, read_mcap
+from cacc_platoon.analysis.reading.mcap import read_mcap
 from cacc_platoon.analysis.reading.others import read_sqlite, read_with_rosbags
 from cacc_platoon.analysis.reading.raw import BagError, Progress, RawFile, RawTopic
 
@@ -52,6 +52,10 @@ def read_bag(path: Path, progress: Progress | None = None) -> RawBag:
     BagError
         When nothing in it can be read.
     """
+    try:
+        path.stat()
+    except OSError as error:
+        raise BagError(f"{path}: {error.strerror}. Give a run folder or a bag.") from error
     metadata, damage = _metadata(path)
     parts: list[RawFile] = []
     refusals: list[BagError] = []
@@ -84,8 +88,6 @@ def _read_file(file: Path, progress: Progress | None) -> RawFile:
         raise BagError(f"{file}: is compressed and its metadata is missing. Unpack it with zstd.")
     try:
         return _READERS[file.suffix](file, progress)
-    except CompressedError:
-        return read_with_rosbags(file, progress)
     except OSError as error:
         raise BagError(f"{file}: cannot be read ({error.strerror}).") from error
 

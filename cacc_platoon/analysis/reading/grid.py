@@ -13,6 +13,8 @@ from cacc_platoon.analysis.reading.raw import Integers
 from cacc_platoon.analysis.reading.signals import Floats, Signal
 
 Booleans = npt.NDArray[np.bool_]
+_NEAR = 100  # samples
+_ABSURD = 1e100  # only damaged bytes are so large; squares of less do not overflow
 _NAMED_RUNS = 3  # so many gaps of one topic are named one by one
 
 
@@ -82,12 +84,20 @@ def _plausible_span(stamps: Integers, step: int, count: int) -> tuple[int, int]:
 
 
 def _shared(stamps: Integers, step: int, alone: bool) -> Integers:
-    """Leave out what only a single message reaches, at either end: it is a damaged stamp."""
-    index = (stamps - np.min(stamps)) // step
-    often = np.flatnonzero(np.bincount(index) > 1)
+    """Leave out single messages far from all others: their stamps are damaged."""
+    first = int(np.min(stamps))
+    index = (stamps - first) // step
+    counts = np.bincount(index)
+    often = np.flatnonzero(counts > 1)
     if alone or not often.size:
         return stamps
-    return np.asarray(stamps[(index >= often[0]) & (index <= often[-1])])
+    low, high = int(often[0]), int(often[-1])
+    single = np.flatnonzero(counts == 1)
+    for k in single[single > high].tolist():
+        high = k if k - high <= _NEAR else high
+    for k in single[single < low][::-1].tolist():
+        low = k if low - k <= _NEAR else low
+    return np.asarray(stamps[(index >= low) & (index <= high)])
 
 
 def sample(signal: Signal, grid: Grid) -> tuple[Floats, list[Fault]]:
@@ -97,27 +107,27 @@ def sample(signal: Signal, grid: Grid) -> tuple[Floats, list[Fault]]:
     """
     faults = _Faults(signal.topic)
     if signal.unreadable:
-        faults.add(f"{signal.unreadable} messages are unreadable and left out")
+        faults.add(f"unreadable messages, left out: {signal.unreadable}")
     stamps, values = signal.stamps, signal.values
     within = (stamps >= grid.origin - grid.step // 2) & (
         stamps <= grid.origin + (grid.samples - 1) * grid.step + grid.step // 2
     )
     if not within.all():
         faults.add(
-            f"{int((~within).sum())} stamps are outside of the run, such as "
+            f"stamps outside of the run, left out: {int((~within).sum())}, the first "
             f"{int(stamps[~within][0])} ns"
         )
         stamps, values = stamps[within], values[within]
     column = np.full(grid.samples, np.nan)
     if not len(stamps):
-        faults.add("has no message")
+        faults.add("no message")
         return column, faults.found
     index = (stamps - grid.origin + grid.step // 2) // grid.step
     if grid.exact:
         off = (stamps - grid.origin) % grid.step != 0
         if off.any():
             where = grid.say(int(index[off][0]))
-            faults.add(f"{int(off.sum())} stamps are between two samples, the first near {where}")
+            faults.add(f"stamps between two samples: {int(off.sum())}, the first near {where}")
             stamps, values, index = stamps[~off], values[~off], index[~off]
     _name_disorder(index, values, grid, faults)
     _name_not_finite(index, values, grid, faults)
@@ -125,7 +135,7 @@ def sample(signal: Signal, grid: Grid) -> tuple[Floats, list[Fault]]:
         column[index[::-1]] = values[::-1]
     else:
         column = _interpolated(stamps, values, grid)
-    column[~np.isfinite(column)] = np.nan
+    column[~_usable(column)] = np.nan
     present = np.zeros(grid.samples, np.bool_)
     present[index] = True
     if not grid.exact:  # jitter leaves a sample without a stamp of its own now and then
@@ -172,11 +182,16 @@ def _name_disorder(index: Integers, values: Floats, grid: Grid, faults: _Faults)
 
 
 def _name_not_finite(index: Integers, values: Floats, grid: Grid, faults: _Faults) -> None:
-    bad = np.flatnonzero(~np.isfinite(values))
+    bad = np.flatnonzero(~_usable(values))
     if bad.size:
         where = grid.say(int(index[bad[0]]))
         more = f", and {bad.size - 1} more" if bad.size > 1 else ""
-        faults.add(f"not finite: {where} is {values[bad[0]]}{more}")
+        kind = "absurd" if np.isfinite(values[bad[0]]) else "not finite"
+        faults.add(f"{kind}: {where} is {values[bad[0]]}{more}")
+
+
+def _usable(values: Floats) -> Booleans:
+    return np.abs(values) < _ABSURD
 
 
 def _name_gaps(present: Booleans, grid: Grid, faults: _Faults) -> None:
@@ -198,8 +213,8 @@ def _name_gaps(present: Booleans, grid: Grid, faults: _Faults) -> None:
 
 def _interpolated(stamps: Integers, values: Floats, grid: Grid) -> Floats:
     """Return values between the stamps; nothing is made up outside of them."""
-    finite = np.isfinite(values)
-    stamps, values = stamps[finite], values[finite]
+    usable = _usable(values)
+    stamps, values = stamps[usable], values[usable]
     if not len(stamps):
         return np.full(grid.samples, np.nan)
     unique, first = np.unique(stamps, return_index=True)

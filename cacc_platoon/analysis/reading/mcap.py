@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import importlib
 import mmap
 import struct
+import sys
 import zlib
 from pathlib import Path
 
@@ -22,25 +24,20 @@ from cacc_platoon.analysis.reading.raw import (
 MAGIC = b"\x89MCAP0\r\n"
 _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _DATA_END = 0x03, 0x04, 0x05, 0x06, 0x0F
 _PREFIX = 9  # opcode and length
+_LARGEST_CHUNK = 1 << 30
 _MESSAGE_HEAD = 22  # channel, sequence, log time, publish time
 _CHUNK_HEAD = 28  # start, end, uncompressed size, checksum
 _HEAD = struct.Struct("<BQ")
 _LENGTH = struct.Struct("<Q").unpack_from
 
 
-class CompressedError(Exception):
-    """The file has compressed chunks, which are left to rosbags."""
-
-
 def read_mcap(path: Path, progress: Progress | None = None) -> RawFile:
-    """Find every message of an MCAP file with uncompressed chunks.
+    """Find every message of an MCAP file.
 
     Raises
     ------
     BagError
         When the file is no MCAP file.
-    CompressedError
-        When its chunks are compressed.
     """
     size = path.stat().st_size
     if size < len(MAGIC):
@@ -51,20 +48,26 @@ def read_mcap(path: Path, progress: Progress | None = None) -> RawFile:
         raise BagError(f"{path}: is not an MCAP file, it does not begin as one. Give a bag.")
     scan = _Scan(data)
     scan.walk_file(progress)
-    topics = split_by_channel(scan.bytes, scan.locations, scan.topics())
+    topics = split_by_channel(scan.everything(), scan.locations, scan.topics())
     return RawFile(topics, scan.damage)
 
 
 class _Scan:
-    """One pass over a file."""
+    """One pass over a file; what its chunks decompress to lies behind the file itself."""
 
     def __init__(self, data: mmap.mmap) -> None:
         self.data = data
-        self.bytes: Bytes = np.frombuffer(data, np.uint8)
         self.locations: list[Location] = []
         self.damage: list[str] = []
+        self._decompressed: list[Bytes] = []
+        self._size = len(data)
         self._schemas: dict[int, str] = {}
         self._channels: dict[int, tuple[int, str]] = {}
+
+    def everything(self) -> Bytes:
+        """Return what the locations point into."""
+        file = np.frombuffer(self.data, np.uint8)
+        return np.concatenate([file, *self._decompressed]) if self._decompressed else file
 
     def topics(self) -> dict[int, tuple[str, str]]:
         """Topic and type of every channel."""
@@ -82,67 +85,88 @@ class _Scan:
             if code == _DATA_END:
                 return
             if code == _CHUNK:
-                self._walk_chunk(begin, min(stop, end))
+                self._walk_chunk(begin, min(stop, end), whole=stop <= end)
                 chunks += 1
                 if progress and chunks % 16 == 0:
                     progress("reading", position, end)
             elif stop <= end:
-                self._walk_records(position, stop)
+                self._walk_records(self.data, position, stop)
             if stop > end:
                 break
             position = stop
         self.damage.append(f"ends unfinished at byte {end}; read as far as it goes")
 
-    def _walk_chunk(self, begin: int, end: int) -> None:
+    def _walk_chunk(self, begin: int, end: int, *, whole: bool) -> None:
         if begin + _CHUNK_HEAD + 4 > end:
             return
-        (checksum,) = struct.unpack_from("<I", self.data, begin + 24)
+        size, checksum = struct.unpack_from("<QI", self.data, begin + 16)
         (name_length,) = struct.unpack_from("<I", self.data, begin + _CHUNK_HEAD)
         start = begin + _CHUNK_HEAD + 4 + name_length + 8
         if start > end:
             return
-        if name_length:
-            raise CompressedError
         stop = min(start + _LENGTH(self.data, start - 8)[0], end)
-        if checksum and zlib.crc32(memoryview(self.data)[start:stop]) != checksum:
-            self.damage.append(f"has a chunk at byte {begin} that differs from its checksum")
-        self._walk_records(start, stop)
+        if not name_length:
+            self._check(memoryview(self.data)[start:stop], checksum, begin)
+            self._walk_records(self.data, start, stop, whole=whole)
+            return
+        name = self.data[begin + _CHUNK_HEAD + 4 : start - 8]
+        try:
+            content = decompress(name.decode(errors="replace"), self.data[start:stop], size)
+        except Exception as error:  # each library has its own kinds
+            reason = str(error) or type(error).__name__
+            self.damage.append(f"has an unreadable chunk at byte {begin} ({reason})")
+            return
+        self._check(content, checksum, begin)
+        self._walk_records(content, 0, len(content), base=self._size)
+        self._decompressed.append(np.frombuffer(content, np.uint8))
+        self._size += len(content)
 
-    def _walk_records(self, position: int, end: int) -> None:
+    def _check(self, content: bytes | memoryview, checksum: int, at: int) -> None:
+        if checksum and zlib.crc32(content) != checksum:
+            self.damage.append(f"has a chunk at byte {at} that differs from its checksum")
+
+    def _walk_records(
+        self,
+        data: mmap.mmap | bytes,
+        position: int,
+        end: int,
+        *,
+        base: int = 0,
+        whole: bool = True,
+    ) -> None:
         """Take down the messages between two bytes; the loop does nothing but hop."""
-        data, hops = self.data, []
+        hops = []
         while position + _PREFIX <= end:
             hops.append(position)
             position += _PREFIX + _LENGTH(data, position + 1)[0]
         if not hops:
             return
         if position > end:
-            self.damage.append(f"is unreadable at byte {hops.pop()}; that part is left out")
+            last = hops.pop()
+            if whole:
+                self.damage.append(f"is unreadable at byte {base + last}; that part is left out")
+        content = np.frombuffer(data, np.uint8)
         starts = np.array(hops, np.int64)
-        codes = self.bytes[starts]
+        codes = content[starts]
         for at in starts[(codes == _SCHEMA) | (codes == _CHANNEL)].tolist():
-            self._define(at)
+            self._define(data, at)
         starts = starts[codes == _MESSAGE]
-        lengths = self._number(starts + 1, "<u8").astype(np.int64) - _MESSAGE_HEAD
+        lengths = _number(content, starts + 1, "<u8").astype(np.int64) - _MESSAGE_HEAD
         starts, lengths = starts[lengths >= 0], lengths[lengths >= 0]
         begin = starts + _PREFIX
         self.locations.append(
             Location(
-                self._number(begin, "<u2").astype(np.int64),
-                begin + _MESSAGE_HEAD,
+                _number(content, begin, "<u2").astype(np.int64),
+                base + begin + _MESSAGE_HEAD,
                 lengths,
-                self._number(begin + 6, "<i8"),
+                _number(content, begin + 6, "<i8"),
             )
         )
 
-    def _number(self, at: Integers, kind: str) -> Integers:
-        width = np.dtype(kind).itemsize
-        return np.asarray(self.bytes[at[:, np.newaxis] + np.arange(width)].view(kind)[:, 0])
-
-    def _define(self, at: int) -> None:
+    def _define(self, data: mmap.mmap | bytes, at: int) -> None:
         """Take down a schema or a channel."""
-        code, length = _HEAD.unpack_from(self.data, at)
-        body = self.data[at + _PREFIX : at + _PREFIX + length]
+        code, length = _HEAD.unpack_from(data, at)
+        body = data[at + _PREFIX : at + _PREFIX + length]
         try:
             if code == _SCHEMA:
                 (number,) = struct.unpack_from("<H", body)
@@ -152,6 +176,32 @@ class _Scan:
                 self._channels.setdefault(number, (schema, _text(body, 4)))
         except (struct.error, UnicodeDecodeError):
             self.damage.append(f"has an unreadable topic definition at byte {at}")
+
+
+def decompress(name: str, data: bytes, size: int) -> bytes:
+    """Return the content of a compressed chunk, with the libraries that rosbags brings along.
+
+    Raises
+    ------
+    ValueError
+        When the compression is not known or the size is not plausible; the libraries raise
+        their own.
+    """
+    if size > _LARGEST_CHUNK:
+        raise ValueError(f"{size} bytes are too many for a chunk")
+    if name == "zstd":
+        module = "compression.zstd" if sys.version_info >= (3, 14) else "backports.zstd"
+    elif name == "lz4":
+        module = "lz4.frame"
+    else:
+        raise ValueError(f"unknown compression {name}")
+    content: bytes = importlib.import_module(module).decompress(data)
+    return content
+
+
+def _number(content: Bytes, at: Integers, kind: str) -> Integers:
+    width = np.dtype(kind).itemsize
+    return np.asarray(content[at[:, np.newaxis] + np.arange(width)].view(kind)[:, 0])
 
 
 def _text(body: bytes, at: int) -> str:

@@ -19,6 +19,21 @@ Progress: TypeAlias = Callable[[str, int, int], None]
 class BagError(UserError):
     """A bag that cannot be read: the line names the file, what is wrong and what helps."""
 
+    def __init__(self, text: str) -> None:
+        super().__init__(one_line(text))
+
+
+def one_line(text: str) -> str:
+    r"""Return a text that may hold bytes of a damaged file as one line of printable characters.
+
+    Examples
+    --------
+    >>> one_line("no such\n  table\x00")
+    'no such table?'
+    """
+    words = " ".join(text.split())
+    return "".join(letter if letter.isprintable() else "?" for letter in words)
+
 
 class RawTopic(NamedTuple):
     """The messages of one topic in one storage file.

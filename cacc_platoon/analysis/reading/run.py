@@ -15,7 +15,7 @@ import numpy as np
 from cacc_platoon.analysis.reading.files import RawBag, read_bag
 from cacc_platoon.analysis.reading.grid import Fault, Grid, group, lay_grid, sample
 from cacc_platoon.analysis.reading.platoon import FoundPlatoon, Role, expected_topics, find_platoons
-from cacc_platoon.analysis.reading.raw import BagError, Progress, RawTopic
+from cacc_platoon.analysis.reading.raw import BagError, Progress, RawTopic, one_line
 from cacc_platoon.analysis.reading.signals import Floats, Signal, decode, rows_in_stamp_order
 from cacc_platoon.parameters import ScenarioError
 from cacc_platoon.run_folder import INFO_FILE, SCENARIO_FILE
@@ -106,8 +106,9 @@ def read_run(
     given = scenario is not None
     scenario = scenario or _scenario_for(raw, platoon.prefix, folder, notes)
     if scenario is None:
+        why = next((f" ({note})" for note in notes if "scenario" in note), "")
         raise BagError(
-            f"{bag}: holds no scenario, so d, h_w and the gains are unknown. "
+            f"{bag}: holds no scenario that can be read{why}, so d, h_w and the gains are unknown. "
             "Give the run's parameters with --scenario FILE."
         )
     scenario = _fit(scenario, platoon, notes, given)
@@ -131,7 +132,7 @@ def read_run(
         _trajectory(cut, columns),
         scenario,
         grid,
-        tuple(notes),
+        tuple(one_line(note) for note in notes),
         run_digest,
         recorded,
         sum(len(signal.stamps) for signal in signals.values()),
