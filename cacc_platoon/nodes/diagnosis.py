@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from operator import itemgetter
 
 from cacc_platoon.scenario import Scenario
 from msg_adapters.topics import VehicleTopics
+
+
+IN_TRANSIT = 2
+"""Samples that a node may be behind its inputs while everything runs."""
 
 
 def diagnose(scenario: Scenario, samples: Mapping[str, int]) -> str:
@@ -21,27 +26,28 @@ def diagnose(scenario: Scenario, samples: Mapping[str, int]) -> str:
     complete = min(samples.values(), default=0) - 1
     time = max(complete, 0) * scenario.run.step
     last = f"the last complete sample is {complete} ({time:g} s)"
-    return "; ".join(filter(None, [_first_stopped(scenario, samples), last]))
+    return "; ".join([*_furthest_behind(scenario, samples), last])
 
 
-def _first_stopped(scenario: Scenario, samples: Mapping[str, int]) -> str:
-    """Return the first node that had all its inputs for a sample and did not publish the next."""
+def _furthest_behind(scenario: Scenario, samples: Mapping[str, int]) -> list[str]:
+    """Say which node is furthest behind what it has received, when it is more than in transit."""
+    found: list[tuple[int, str]] = []
     prefix = scenario.platoon.namespace
-    for index in range(1, scenario.platoon.followers + 1):
+    for follower in scenario.followers:
+        index = follower.index
         own, ahead = VehicleTopics(prefix, index), VehicleTopics(prefix, index - 1)
-        names = (own.pose.name, own.received.name, ahead.pose.name, ahead.accel.name)
-        if not all(name in samples for name in names):
-            continue
-        done, received, pose, accel = (samples[name] for name in names)
-        if received < accel and received <= done:
-            return (
-                f"vehicle_{index}/noise_relay stopped: {own.received.name} ends at sample "
-                f"{received - 1} while {ahead.accel.name} has {accel - 1}"
-            )
+        done, received, pose, accel = (
+            samples.get(topic.name, 0)
+            for topic in (own.pose, own.received, ahead.pose, ahead.accel)
+        )
         inputs = min(received, pose)
-        if 0 < done <= inputs and done < scenario.samples:
-            return (
-                f"vehicle_{index}/vehicle stopped: its topics end at sample {done - 1} while "
-                f"its inputs have sample {inputs - 1}"
-            )
-    return ""
+        found += [
+            (accel - received, _stopped(f"vehicle_{index}/noise_relay", received, accel)),
+            (inputs + 1 - done, _stopped(f"vehicle_{index}/vehicle", done, inputs)),
+        ]
+    behind, text = max(found, key=itemgetter(0))
+    return [text] if behind > IN_TRANSIT else []
+
+
+def _stopped(node: str, samples: int, inputs: int) -> str:
+    return f"{node} stopped at sample {samples - 1} while its inputs have sample {inputs - 1}"

@@ -1,0 +1,178 @@
+"""The lockstep core alone: any order of arrival, same bits; what must not be used is refused."""
+
+import dataclasses
+import math
+import random
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cacc_platoon.model import State
+from cacc_platoon.nodes.lockstep import (
+    LockstepError,
+    LockstepFollower,
+    LockstepLeader,
+    LockstepRelay,
+)
+from cacc_platoon.scenario import Scenario
+from cacc_platoon.simulation import simulate
+
+SCENARIO = Scenario.from_values(
+    {"run.duration": 12.0, "platoon.followers": 2, "leader.start": 1.0}, None, "test"
+)
+STEP = SCENARIO.step_ns
+REFERENCE = simulate(SCENARIO)
+
+
+def follower_1(published: list[tuple[int, State[float]]]) -> LockstepFollower:
+    return LockstepFollower(
+        SCENARIO.follower(1), SCENARIO, lambda stamp, state: published.append((stamp, state))
+    )
+
+
+@given(st.integers())
+def test_any_interleaving_of_the_inputs_gives_the_bits_of_the_simulation(seed: int) -> None:
+    published: list[tuple[int, State[float]]] = []
+    core = follower_1(published)
+    streams = {
+        core.take_position: list(REFERENCE.position[:, 0]),
+        core.take_velocity: list(REFERENCE.velocity[:, 0]),
+        core.take_acceleration: list(REFERENCE.received[:, 0]),
+    }
+    turns = [take for take, values in streams.items() for _ in values]
+    random.Random(seed).shuffle(turns)
+    sent = dict.fromkeys(streams, 0)
+    for take in turns:
+        k = sent[take]
+        take(k * STEP, float(streams[take][k]))
+        sent[take] = k + 1
+    assert [stamp for stamp, _ in published] == [k * STEP for k in range(SCENARIO.samples)]
+    states = np.array([state for _, state in published])
+    assert (states[:, 0] == REFERENCE.position[:, 1]).all()
+    assert (states[:, 1] == REFERENCE.velocity[:, 1]).all()
+    assert (states[:, 2] == REFERENCE.acceleration[:, 1]).all()
+
+
+def test_received_accelerations_may_overtake_each_other() -> None:
+    in_order: list[tuple[int, State[float]]] = []
+    overtaken: list[tuple[int, State[float]]] = []
+    for published, order in ((in_order, (0, 1, 2)), (overtaken, (2, 0, 1))):
+        core = follower_1(published)
+        for k in order:
+            core.take_acceleration(k * STEP, 0.1 * k)
+        for k in range(3):
+            core.take_velocity(k * STEP, 25.0)
+            core.take_position(k * STEP, 0.25 * k)
+    assert in_order == overtaken
+    assert len(in_order) == 4
+
+
+def test_a_sample_the_channel_does_not_deliver_counts_as_zero() -> None:
+    lost: list[tuple[int, State[float]]] = []
+    zero: list[tuple[int, State[float]]] = []
+    cores = follower_1(lost), follower_1(zero)
+    cores[0].take_loss(0)
+    cores[1].take_acceleration(0, 0.0)
+    for core in cores:
+        core.take_position(0, 0.0)
+        core.take_velocity(0, 25.5)
+    assert lost == zero
+    assert len(lost) == 2
+
+
+@pytest.mark.parametrize("stream", ["take_position", "take_velocity"])
+@pytest.mark.parametrize("stamp", [STEP, 2 * STEP, 1, -STEP])
+def test_a_stamp_that_is_not_due_is_refused(stream: str, stamp: int) -> None:
+    with pytest.raises(LockstepError, match=r"stamped .* where 0 s is due"):
+        getattr(follower_1([]), stream)(stamp, 0.0)
+
+
+def test_a_received_acceleration_that_is_there_already_is_refused() -> None:
+    core = follower_1([])
+    core.take_acceleration(0, 0.0)
+    with pytest.raises(LockstepError, match="another publisher"):
+        core.take_acceleration(0, 0.0)
+    with pytest.raises(LockstepError, match="no sample"):
+        core.take_acceleration(STEP + 1, 0.0)
+
+
+@pytest.mark.parametrize("name", ["position", "velocity", "acceleration"])
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_what_is_not_finite_is_refused_by_name(name: str, value: float) -> None:
+    core = follower_1([])
+    inputs = {"position": 0.0, "velocity": 25.0, "acceleration": 0.0}
+    core.take_position(0, inputs["position"])
+    inputs[name] = value
+    with pytest.raises(LockstepError, match=r"vehicle_1: command at 0.01 s is (nan|-?inf)"):  # noqa: PT012
+        core.take_acceleration(0, 0.0)
+        core.take_velocity(0, 25.0)
+        core.take_position(STEP, inputs["position"])
+        core.take_velocity(STEP, inputs["velocity"])
+        core.take_acceleration(STEP, inputs["acceleration"])
+
+
+def test_the_relay_multiplies_by_the_factor_of_the_sample() -> None:
+    sent: list[tuple[int, float]] = []
+    follower = SCENARIO.follower(2)
+    relay = LockstepRelay(follower, SCENARIO, lambda stamp, a: sent.append((stamp, a)))
+    for k in range(50):
+        relay.take(k * STEP, 1.0)
+    assert [a for _, a in sent] == follower.channel().factors(0, 50).tolist()
+    with pytest.raises(LockstepError, match="accel of vehicle_1"):
+        relay.take(49 * STEP, 1.0)
+
+
+def test_the_leader_goes_as_far_as_the_horizon() -> None:
+    sent: list[int] = []
+    leader = LockstepLeader(SCENARIO, lambda stamp, _: sent.append(stamp // STEP))
+    for horizon, until in ((3, 4), (3, 4), (1, 4), (10, 11), (10**6, SCENARIO.samples)):
+        leader.take_horizon(horizon)
+        assert sent == list(range(until))
+
+
+def test_the_command_and_the_spacing_error_follow_from_the_states() -> None:
+    commands: list[tuple[int, float, float, float]] = []
+    core = LockstepFollower(
+        SCENARIO.follower(1),
+        SCENARIO,
+        lambda *_: None,
+        lambda *command: commands.append(command),
+    )
+    for k in range(SCENARIO.samples):
+        core.take_position(k * STEP, float(REFERENCE.position[k, 0]))
+        core.take_velocity(k * STEP, float(REFERENCE.velocity[k, 0]))
+        core.take_acceleration(k * STEP, float(REFERENCE.received[k, 0]))
+    assert len(commands) == SCENARIO.samples
+    deltas = np.array([delta for _, _, delta, _ in commands])
+    assert (deltas == REFERENCE.spacing_error[:, 0]).all()
+    k = 600
+    _, u, delta, gap_error = commands[k]
+    gains = SCENARIO.follower(1).gains
+    v, v_ahead = REFERENCE.velocity[k, 1], REFERENCE.velocity[k, 0]
+    law = gains.k_a * REFERENCE.received[k, 0] - gains.k_v * (v - v_ahead) - gains.k_p * delta
+    assert u == pytest.approx(law, rel=1e-12)
+    assert gap_error == pytest.approx(delta - gains.time_headway * v)
+
+
+def test_another_law_is_used_when_given() -> None:
+    class Coast:
+        def command(self, *_: float) -> float:
+            return 0.0
+
+    published: list[tuple[int, State[float]]] = []
+    core = LockstepFollower(
+        SCENARIO.follower(1), SCENARIO, lambda *sample: published.append(sample), law=Coast()
+    )
+    for k in range(10):
+        core.take_position(k * STEP, 1.0 * k)
+        core.take_velocity(k * STEP, 30.0)
+        core.take_acceleration(k * STEP, 5.0)
+    assert {state.velocity for _, state in published} == {25.0}
+
+
+def test_an_override_reaches_the_follower_it_is_for() -> None:
+    scenario = Scenario.from_values({}, {2: {"controller.k_v": 0.7}}, "test")
+    assert scenario.follower(2).gains.k_v == 0.7
+    assert scenario.follower(1).gains == dataclasses.replace(scenario).follower(3).gains
