@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from cacc_platoon.scenario_file import load_scenario
 from cacc_platoon.testing import own_domain
 
 ROOT = Path(__file__).parents[2]
@@ -116,6 +117,8 @@ def test_a_platoon_started_by_hand_from_the_installed_executables(workspace):
         for folder in ("run", "simulated")
     }
     assert len(digests) == 1
+    written = load_scenario(workspace / "run" / "scenario.yaml")
+    assert written.overrides == {1: {"controller.k_v": 0.7, "v2v.rho": 4.0}}
 
 
 def test_the_package_is_in_the_ament_index_and_shares_its_files(workspace):
