@@ -8,7 +8,6 @@ from operator import itemgetter
 from cacc_platoon.scenario import Scenario
 from msg_adapters.topics import VehicleTopics
 
-
 IN_TRANSIT = 2
 """Samples that a node may be behind its inputs while everything runs."""
 

@@ -25,7 +25,7 @@ from cacc_platoon.nodes.session import HostSession
 from cacc_platoon.nodes.vehicle import VehicleNode
 from cacc_platoon.scenario import Follower
 from cacc_platoon.signals import StopSignal
-from msg_adapters.topics import digest_topics
+from msg_adapters.topics import run_topics
 
 BAD_INPUT = 2
 HELP = """\
@@ -135,9 +135,7 @@ def _recorder_by_hand() -> RecorderNode:
         node.destroy_node()
     if not folder:
         raise UserError("recorder: has nowhere to record to. Add -p record:=DIR.")
-    platoon = scenario.platoon
-    topics = digest_topics(platoon.namespace, platoon.followers)
-    return RecorderNode(scenario, "recorder", topics, Path(folder) / "recorder")
+    return RecorderNode(scenario, "recorder", run_topics(scenario), Path(folder) / "recorder")
 
 
 def supervisor_parameters() -> dict[str, Any]:

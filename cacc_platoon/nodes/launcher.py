@@ -45,9 +45,8 @@ def plan_hosts(scenario: Scenario, parts: Path, run: str) -> list[HostPlan]:
     UserError
         When the processes would not all find each other.
     """
-    count = scenario.platoon.followers
-    vehicles: list[list[tuple[str, int]]] = [[("leader", 0)]]
-    vehicles += [[("vehicle", i), ("noise_relay", i)] for i in range(1, count + 1)]
+    vehicles: list[list[tuple[str, int]]] = [[("leader", scenario.leader_index)]]
+    vehicles += [[("vehicle", i), ("noise_relay", i)] for i in scenario.indices]
     by_hand = set(scenario.run.by_hand)
     vehicles = [
         [(kind, i) for kind, i in vehicle if f"vehicle_{i}/{kind}" not in by_hand]

@@ -14,7 +14,7 @@ from cacc_platoon.nodes.session import HEARTBEAT_PERIOD, MATCHING, RUNNING, WAIT
 from cacc_platoon.parameter_table import GROUPS
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario_file import format_scenario
-from msg_adapters.topics import PlatoonTopics, digest_topics
+from msg_adapters.topics import PlatoonTopics, run_topics
 
 MAX_HOSTS = 1000
 GRAPH_PERIOD = 1.0
@@ -140,7 +140,7 @@ class SupervisorNode(Node):  # type: ignore[misc]
         ]
 
     def _digest_topics(self) -> list[Any]:
-        return digest_topics(self.scenario.platoon.namespace, self.scenario.platoon.followers)
+        return run_topics(self.scenario)
 
     def _on_host_state(self, message: String) -> None:
         host = json.loads(message.data)
