@@ -58,15 +58,20 @@ def read_sections(
 
 
 class Graph(NamedTuple):
-    """The nodes that a section can be for: the platoon's namespace and its number of followers."""
+    """The nodes that a section can be for: the platoon's namespace and its followers' indices."""
 
     prefix: str
-    followers: int
+    followers: range
+
+    @property
+    def leader(self) -> str:
+        """The leader's node, which drives ahead of the first follower."""
+        return f"{self.prefix}/vehicle_{self.followers[0] - 1}/leader"
 
     def vehicles_matching(self, pattern: str, nodes: tuple[str, ...]) -> list[int]:
         """Return the vehicles one of whose `nodes` the pattern is for, with any that it names."""
         named = re.search(r"/vehicle_(\d+)(?=/|$)", pattern)
-        candidates = [int(named[1])] if named else range(1, self.followers + 1)
+        candidates = [int(named[1])] if named else self.followers
         return [
             index
             for index in candidates
@@ -113,7 +118,7 @@ def _assign_one(values: Values, pattern: str, graph: Graph, name: str, value: An
     """Give one value to its readers; whether there are any."""
     group = name.partition(".")[0]
     common = _matches(pattern, f"{graph.prefix}/supervisor")
-    if group == "leader" and _matches(pattern, f"{graph.prefix}/vehicle_0/leader"):
+    if group == "leader" and _matches(pattern, graph.leader):
         common = True
     reader = VEHICLE_READERS.get(group)
     vehicles = graph.vehicles_matching(pattern, (reader,) if reader else EVERY_READER)

@@ -22,6 +22,13 @@ class Platoon:
     followers: int = parameter(
         12, "-", "the number of vehicles behind the leader", at_least=1, at_most=500
     )
+    first_follower: int = parameter(
+        1,
+        "-",
+        "the index of the first follower; the leader has the one before",
+        at_least=1,
+        at_most=500,
+    )
     standstill_distance: float = parameter(5.0, "m", "the spacing d at rest", at_least=0.0)
     initial_speed: float = parameter(
         25.0, "m/s", "the speed in equilibrium at time 0", at_least=0.0
@@ -109,7 +116,7 @@ class Leader:
         "sine",
         "-",
         "the leader's motion",
-        choices=("sine", "step", "brake", "constant", "csv"),
+        choices=("sine", "step", "brake", "constant", "csv", "bag"),
     )
     start: float = parameter(10.0, "s", "the time the disturbance begins", at_least=0.0)
     amplitude: float = parameter(0.5, "m/s^2", "the peak acceleration of sine")
@@ -118,9 +125,15 @@ class Leader:
     hold: float = parameter(5.0, "s", "how long step accelerates", above=0.0)
     deceleration: float = parameter(3.0, "m/s^2", "the deceleration of brake", above=0.0)
     final_speed: float = parameter(0.0, "m/s", "the speed at which brake ends", at_least=0.0)
-    file: str = parameter("", "-", "the table of time [s], speed [m/s] that csv reads")
+    file: str = parameter(
+        "", "-", "the table of time [s], speed [m/s] that csv reads; the run or bag of profile bag"
+    )
     times: tuple[float, ...] = parameter((), "s", "the times of csv, read from file")
     speeds: tuple[float, ...] = parameter((), "m/s", "the speeds of csv, read from file")
+    vehicle: int = parameter(
+        -1, "-", "the vehicle of the bag that leads, -1 for its last one", at_least=-1
+    )
+    digest: str = parameter("", "-", "the digest of that vehicle's topics, filled in by the run")
 
 
 @dataclass(frozen=True)

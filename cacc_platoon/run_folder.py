@@ -22,8 +22,8 @@ from cacc_platoon.errors import UserError
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario_file import format_scenario, load_scenario
 from msg_adapters.bag import write_bag
-from msg_adapters.recording import Recording, digest, read_parts
-from msg_adapters.topics import PlatoonTopics, queue_depth
+from msg_adapters.recording import Recording, digest_of, read_parts
+from msg_adapters.topics import PlatoonTopics, queue_depth, run_topics
 
 SCENARIO_FILE = "scenario.yaml"
 INFO_FILE = "run.json"
@@ -103,7 +103,7 @@ class RunFolder:
             Called now and then with the sample written and the number of samples.
         """
         prefix = scenario.platoon.namespace
-        run_digest = digest(recording, prefix, scenario.platoon.followers)
+        run_digest = digest_of(recording, [topic.name for topic in run_topics(scenario)])
         write_bag(
             self.bag,
             recording,

@@ -20,6 +20,7 @@ from cacc_platoon.model import (
     Gains,
     LeaderProfile,
     PiecewiseConstantAcceleration,
+    RecordedMotion,
     SinePulse,
     ThirdOrderPlant,
     brake_profile,
@@ -45,6 +46,9 @@ from cacc_platoon.parameters import ScenarioError, refuse_unknown
 
 MAX_SAMPLES = 10**8
 """More would neither fit into memory nor end."""
+
+MAX_INDEX = 500
+"""Of the last vehicle; readers of bags take a higher one for damage."""
 
 
 @dataclass(frozen=True)
@@ -93,6 +97,8 @@ class Scenario:
         By follower index: the parameters of groups vehicle, controller and v2v that differ there.
     name : str
         Short name, the scenario file's stem.
+    recorded_leader : RecordedMotion or None
+        The leader's motion when leader.profile is bag, once it has been read.
 
     Examples
     --------
@@ -109,6 +115,9 @@ class Scenario:
     record: Record = dataclasses.field(default_factory=Record)
     overrides: Mapping[int, Mapping[str, Any]] = dataclasses.field(default_factory=dict)
     name: str = "scenario"
+    recorded_leader: RecordedMotion | None = dataclasses.field(
+        default=None, compare=False, repr=False
+    )
 
     @classmethod
     def from_values(
@@ -141,7 +150,7 @@ class Scenario:
             )
             for group, owner in GROUPS.items()
         }
-        groups["leader"] = _with_speed_table(groups["leader"], source, folder)
+        groups["leader"] = _with_leader_file(groups["leader"], source, folder)
         scenario = cls(**groups, overrides=own, name=Path(source).stem or "scenario")
         _check_consistency(scenario, source)
         return scenario
@@ -151,14 +160,14 @@ class Scenario:
         return {name: _read(self, name) for name in TABLE}
 
     def follower(self, index: int) -> Follower:
-        """Return follower `index` (1..N) with its overrides applied."""
+        """Return the follower of an index, one of `indices`, with its overrides applied."""
         own = self.overrides.get(index, {})
         picked = {name: own.get(name, _read(self, name)) for name in TABLE}
         tau = picked["vehicle.tau"]
         v2v = V2V(**{f.name: picked[f"v2v.{f.name}"] for f in dataclasses.fields(V2V)})
         return Follower(
             index,
-            tau[index - 1] if isinstance(tau, tuple) else tau,
+            tau[self.indices.index(index)] if isinstance(tau, tuple) else tau,
             picked["vehicle.tau_max"],
             Gains(*(picked[f"controller.{name}"] for name in Gains._fields)),
             self.platoon.standstill_distance,
@@ -168,15 +177,31 @@ class Scenario:
         )
 
     @property
+    def indices(self) -> range:
+        """The indices of the followers, 1..N unless platoon.first_follower says otherwise."""
+        first = self.platoon.first_follower
+        return range(first, first + self.platoon.followers)
+
+    @property
+    def leader_index(self) -> int:
+        """The index of the leader, 0 unless platoon.first_follower says otherwise."""
+        return self.platoon.first_follower - 1
+
+    @property
+    def vehicles(self) -> range:
+        """The indices of all vehicles, the leader's first."""
+        return range(self.leader_index, self.indices.stop)
+
+    @property
     def followers(self) -> list[Follower]:
-        """Followers 1..N."""
-        return [self.follower(index) for index in range(1, self.platoon.followers + 1)]
+        """All followers, from front to rear."""
+        return [self.follower(index) for index in self.indices]
 
     @property
     def node_names(self) -> list[str]:
         """The nodes that make up the platoon, relative to its namespace."""
-        names = ["vehicle_0/leader"]
-        for index in range(1, self.platoon.followers + 1):
+        names = [f"vehicle_{self.leader_index}/leader"]
+        for index in self.indices:
             names += [f"vehicle_{index}/vehicle", f"vehicle_{index}/noise_relay"]
         return names
 
@@ -191,7 +216,13 @@ class Scenario:
         return round(self.run.duration / self.run.step) + 1
 
     def leader_profile(self) -> LeaderProfile:
-        """Return the leader's motion."""
+        """Return the leader's motion.
+
+        Raises
+        ------
+        UserError
+            When it is that of a bag which has not been read.
+        """
         leader, speed = self.leader, self.platoon.initial_speed
         match leader.profile:
             case "sine":
@@ -202,6 +233,13 @@ class Scenario:
                 return brake_profile(speed, leader.deceleration, leader.start, leader.final_speed)
             case "csv":
                 return speed_profile(leader.times, leader.speeds)
+            case "bag" if self.recorded_leader:
+                return self.recorded_leader
+            case "bag":
+                raise UserError(
+                    f"{self.name}: leader.file = {leader.file} has not been read, so the leader's "
+                    "motion is unknown. Read it with msg_adapters.chaining.with_recorded_leader."
+                )
         return PiecewiseConstantAcceleration(speed, [], [])
 
 
@@ -233,12 +271,16 @@ def _checked(values: Mapping[str, Any], source: str, per_vehicle: bool = False) 
     return checked
 
 
-def _with_speed_table(leader: Leader, source: str, folder: Path) -> Leader:
-    """Read leader.file once, so that the resolved scenario stands alone."""
-    if leader.profile != "csv" or leader.times:
+def _with_leader_file(leader: Leader, source: str, folder: Path) -> Leader:
+    """Read a table of speeds once, so that the resolved scenario stands alone; locate a bag."""
+    if leader.profile not in ("csv", "bag") or leader.times:
         return leader
     if not leader.file:
-        raise TABLE["leader.file"].refusal("", source, "must name a file when profile is csv")
+        raise TABLE["leader.file"].refusal(
+            "", source, f"must name a file when profile is {leader.profile}"
+        )
+    if leader.profile == "bag":
+        return dataclasses.replace(leader, file=str((folder / leader.file).absolute()))
     try:
         times, speeds = read_speed_profile(folder / leader.file)
     except UserError as error:
@@ -310,12 +352,19 @@ def _check_leader(scenario: Scenario, source: str) -> None:
 
 
 def _check_overrides(scenario: Scenario, source: str) -> None:
-    count = scenario.platoon.followers
+    count, indices = scenario.platoon.followers, scenario.indices
+    if indices[-1] > MAX_INDEX:
+        raise TABLE["platoon.first_follower"].refusal(
+            indices[0],
+            source,
+            f"makes vehicle_{indices[-1]} the last of {count} followers, beyond {MAX_INDEX}",
+        )
     for index in scenario.overrides:
-        if not 1 <= index <= count:
+        if index not in indices:
             raise ScenarioError(
                 f"{source}: vehicle_{index} has parameters of its own but the platoon has "
-                f"followers 1 to {count}; they would be ignored. Correct the index."
+                f"followers {indices[0]} to {indices[-1]}; they would be ignored. "
+                "Correct the index."
             )
     tau = scenario.vehicle.tau
     if isinstance(tau, tuple) and len(tau) != count:

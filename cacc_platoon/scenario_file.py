@@ -73,7 +73,8 @@ def parse_scenario(
     prefix = _last(given, "platoon.namespace", source)
     check_namespace(prefix, source)
     followers = _last(given, "platoon.followers", source)
-    values = assign(sections, Graph(prefix, followers), source)
+    first = _last(given, "platoon.first_follower", source)
+    values = assign(sections, Graph(prefix, range(first, first + followers)), source)
     for name, value in set_values.items():
         _apply_setting(name, value, values)
     return Scenario.from_values(values.common, values.overrides, source, folder)
@@ -84,7 +85,7 @@ def format_scenario(scenario: Scenario) -> str:
     common = {
         name: value
         for name, value in scenario.values().items()
-        if value != () and name != "leader.file"
+        if value != () and (name != "leader.file" or scenario.leader.profile == "bag")
     }
     document: dict[str, Any] = {"/**": {SECTION: nest(common)}}
     for index, section in scenario.overrides.items():

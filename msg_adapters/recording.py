@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import NamedTuple, TypeAlias
 
@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.simulation import Trajectory
-from msg_adapters.topics import Topic, VehicleTopics, digest_topics
+from msg_adapters.topics import Topic, VehicleTopics, digest_topics, run_topics
 
 INDEX_FILE = "topics.json"
 
@@ -38,13 +38,13 @@ def recording_of(trajectory: Trajectory) -> dict[str, TopicRecord]:
         messages = topic.codec.encode_many(stamps, values)
         records[topic.name] = TopicRecord(topic.kind.type_name, messages)
 
-    for index in range(scenario.platoon.followers + 1):
+    for column, index in enumerate(scenario.vehicles):
         vehicle = VehicleTopics(scenario.platoon.namespace, index)
-        add(vehicle.pose, trajectory.position[:, index])
-        add(vehicle.twist, trajectory.velocity[:, index])
-        add(vehicle.accel, trajectory.acceleration[:, index])
-        if index:
-            add(vehicle.received, trajectory.received[:, index - 1])
+        add(vehicle.pose, trajectory.position[:, column])
+        add(vehicle.twist, trajectory.velocity[:, column])
+        add(vehicle.accel, trajectory.acceleration[:, column])
+        if column:
+            add(vehicle.received, trajectory.received[:, column - 1])
     return records
 
 
@@ -56,9 +56,9 @@ def trajectory_of(recording: Recording, scenario: Scenario) -> Trajectory:
     KeyError
         When a topic of the digest is missing.
     """
-    prefix, count = scenario.platoon.namespace, scenario.platoon.followers
-    vehicles = [VehicleTopics(prefix, index) for index in range(count + 1)]
-    samples = min(len(recording[topic.name].messages) for topic in digest_topics(prefix, count))
+    prefix = scenario.platoon.namespace
+    vehicles = [VehicleTopics(prefix, index) for index in scenario.vehicles]
+    samples = min(len(recording[topic.name].messages) for topic in run_topics(scenario))
 
     def column(topic: Topic) -> npt.NDArray[np.float64]:
         return topic.codec.values(recording[topic.name].messages[:samples])
@@ -72,16 +72,19 @@ def trajectory_of(recording: Recording, scenario: Scenario) -> Trajectory:
     )
 
 
-def digest(recording: Recording, prefix: str, followers: int) -> str:
+def digest(recording: Recording, prefix: str, followers: int, first: int = 1) -> str:
     """Return the SHA-256 over pose, twist, accel and v2v/accel of all vehicles.
 
     Each topic is hashed over its messages in stamp order; the digest is the hash of the lines
     `<topic> <hash>`, sorted by topic. Two runs agree to the last bit exactly when their digests do.
     """
+    return digest_of(recording, [topic.name for topic in digest_topics(prefix, followers, first)])
+
+
+def digest_of(recording: Recording, names: Iterable[str]) -> str:
+    """Return the SHA-256 over some topics of a recording, made as that of a run."""
     lines = sorted(
-        f"{topic.name} {topic_digest(recording[topic.name])}\n"
-        for topic in digest_topics(prefix, followers)
-        if topic.name in recording
+        f"{name} {topic_digest(recording[name])}\n" for name in names if name in recording
     )
     return hashlib.sha256("".join(lines).encode()).hexdigest()
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from cacc_platoon.scenario import Scenario
 from msg_adapters.stamped import ACCEL, POSE, TWIST, VECTOR, Kind, StampedCodec
 
 
@@ -53,15 +54,24 @@ class PlatoonTopics:
         self.host_state = f"{prefix}/host_state"
 
 
-def digest_topics(prefix: str, followers: int) -> list[Topic]:
-    """Return the topics that make up a run: pose, twist, accel of 0..N and v2v/accel of 1..N."""
+def digest_topics(prefix: str, followers: int, first: int = 1) -> list[Topic]:
+    """Return the topics that make up a run: pose, twist and accel of all, v2v/accel of followers.
+
+    `first` is the index of the first follower; the leader has the one before.
+    """
     topics: list[Topic] = []
-    for index in range(followers + 1):
+    for index in range(first - 1, first + followers):
         vehicle = VehicleTopics(prefix, index)
         topics += [vehicle.pose, vehicle.twist, vehicle.accel]
-        if index:
+        if index >= first:
             topics.append(vehicle.received)
     return topics
+
+
+def run_topics(scenario: Scenario) -> list[Topic]:
+    """Return the topics that make up a run of the scenario."""
+    platoon = scenario.platoon
+    return digest_topics(platoon.namespace, platoon.followers, platoon.first_follower)
 
 
 def queue_depth(window: int, followers: int) -> int:

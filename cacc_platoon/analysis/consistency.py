@@ -66,5 +66,6 @@ def check_consistency(run: Trajectory) -> Consistency:
         beyond = np.flatnonzero(apart[:, column] > TOLERANCE)
         if beyond.size:
             first = int(beyond[0])
-            departures.append((column + 1, float(run.time[first + 1]), float(apart[first, column])))
+            where = (float(run.time[first + 1]), float(apart[first, column]))
+            departures.append((followers[column].index, *where))
     return Consistency(int(known.sum()), float(np.max(apart, initial=0.0)), tuple(departures))

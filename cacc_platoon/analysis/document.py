@@ -25,6 +25,7 @@ def document(report: Report) -> dict[str, Any]:
         {
             "scenario": scenario.name,
             "followers": scenario.platoon.followers,
+            "first_follower": scenario.platoon.first_follower,
             **_metrics(report.measured),
             "noise": _noise(report.measured.noise),
             "expected": _metrics(report.expected),

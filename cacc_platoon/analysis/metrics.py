@@ -214,4 +214,5 @@ def _first_collision(run: Trajectory) -> tuple[int, float] | None:
     if not touching.any():
         return None
     sample = int(np.argmax(touching.any(axis=1)))
-    return int(np.argmax(touching[sample])) + 1, float(run.time[sample])
+    follower = run.scenario.indices[int(np.argmax(touching[sample]))]
+    return follower, float(run.time[sample])

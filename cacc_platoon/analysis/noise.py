@@ -84,7 +84,8 @@ def link_noise(run: Trajectory) -> list[LinkNoise]:
 
 
 def _link(run: Trajectory, factor: Array, column: int) -> LinkNoise:
-    v2v = run.scenario.follower(column + 1).v2v
+    follower = run.scenario.followers[column]
+    v2v = follower.v2v
     values = factor[np.isfinite(factor)]
     sent, received = run.acceleration[:, column], run.received[:, column]
     slack = BREACH_SLACK
@@ -94,7 +95,7 @@ def _link(run: Trajectory, factor: Array, column: int) -> LinkNoise:
     mean, variance = _theory(v2v.noise, v2v.rho, v2v.bit_probabilities)
     largest = float(np.abs(values - 1.0).max()) if values.size else math.nan
     return LinkNoise(
-        column + 1,
+        follower.index,
         int(values.size),
         float(values.mean()) if values.size else math.nan,
         float(values.var()) if values.size else math.nan,

@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from cacc_platoon.analysis.report import Report
     from cacc_platoon.simulation.trajectory import Array
 
+_WHOLE, _HEAD = 25, 8  # longer tables are cut down to so many rows at both ends
+
 
 def summary(report: Report) -> str:
     """Return the lines that `platoon run` and `platoon report` print."""
@@ -79,10 +81,18 @@ def _error_table(report: Report) -> list[str]:
         "  follower   this run   expectation   expectation",
     ]
     ratios = [np.nan, *expected.hop_ratio_max]
-    rows = zip(recorded.max_abs_spacing_error, expected.max_abs_spacing_error, ratios, strict=True)
+    offset = report.run.scenario.leader_index
+    rows = list(
+        zip(recorded.max_abs_spacing_error, expected.max_abs_spacing_error, ratios, strict=True)
+    )
     for number, (own, mean, ratio) in enumerate(rows, start=1):
-        hop = "" if np.isnan(ratio) else f"{ratio:.6f}"
-        lines.append(f"  {number:8d}   {own:8.6f}   {mean:11.6f}   {hop:>11s}")
+        if number == _HEAD + 1 and len(rows) > _WHOLE:
+            lines.append("       ...")
+        if len(rows) <= _WHOLE or not _HEAD < number <= len(rows) - _HEAD:
+            hop = "" if np.isnan(ratio) else f"{ratio:.6f}"
+            lines.append(
+                f"  {number + offset:8d}   {own:8.6f}   {mean:11.6f}   {hop:>11s}".rstrip()
+            )
     return lines
 
 

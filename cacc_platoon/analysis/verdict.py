@@ -270,10 +270,11 @@ def warn_if_not_string_stable(scenario: Scenario) -> str | None:
         return None
     failing = [one.follower for one in verdict.followers if not one.string_stable]
     followers = scenario.followers
-    bound = _paper_bound(followers[failing[0] - 1])
+    place = scenario.indices.index(failing[0])
+    bound = _paper_bound(followers[place])
     who = "" if len(failing) == len(followers) else f" (vehicle {failing[0]})"
     return (
-        f"{scenario.name} is not string stable{who}: {verdict.followers[failing[0] - 1].reason}; "
+        f"{scenario.name} is not string stable{who}: {verdict.followers[place].reason}; "
         f"disturbances may grow along the platoon, sup|H| = {verdict.weakest.l2_gain:.6g}.{bound}"
     )
 

@@ -19,6 +19,7 @@ from cacc_platoon.run_folder import default_run_folder
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario_file import load_scenario
 from cacc_platoon.signals import StopSignal
+from msg_adapters.chaining import with_recorded_leader
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -60,6 +61,7 @@ def run_and_judge(scenario: Scenario, output: Path | None, options: argparse.Nam
     UserError
         When ROS is not there or the run cannot start.
     """
+    scenario = with_recorded_leader(scenario)
     given = output or (Path(scenario.record.directory) if scenario.record.directory else None)
     folder = given or default_run_folder(scenario)
     if scenario.run.spawn:

@@ -37,13 +37,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Simulate, record, judge."""
     from cacc_platoon.analysis import report_run, warn_if_not_string_stable  # noqa: PLC0415
+    from msg_adapters.chaining import with_recorded_leader  # noqa: PLC0415  (heavy)
 
     if options.runs is not None and (not 0 <= options.runs <= MOST_RUNS or options.runs == 1):
         raise UserError(
             f"--runs {options.runs}: must be 0 or 2 to {MOST_RUNS}; one run has no spread. "
             "Leave it out for the run of the scenario's seed alone."
         )
-    scenario = load_scenario(options.scenario, options.set)
+    scenario = with_recorded_leader(load_scenario(options.scenario, options.set))
     directory = scenario.record.directory
     given = options.output or (Path(directory) if directory else None)
     if warning := warn_if_not_string_stable(scenario):

@@ -12,6 +12,7 @@ from cacc_platoon.model.control import ConstantTimeHeadway, ControlLaw, Gains
 from cacc_platoon.model.leader import (
     LeaderProfile,
     PiecewiseConstantAcceleration,
+    RecordedMotion,
     SinePulse,
     brake_profile,
     read_speed_profile,
@@ -31,6 +32,7 @@ __all__ = [
     "Gains",
     "LeaderProfile",
     "PiecewiseConstantAcceleration",
+    "RecordedMotion",
     "SinePulse",
     "State",
     "ThirdOrderPlant",

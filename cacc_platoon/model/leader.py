@@ -106,6 +106,40 @@ class PiecewiseConstantAcceleration:
         )
 
 
+class RecordedMotion:
+    """What a vehicle did in an earlier run, sample by sample: given back, never integrated again.
+
+    Parameters
+    ----------
+    step : float
+        Control period T of the recording [s].
+    position, velocity, acceleration : ndarray, shape (samples,)
+        Recorded states [m], [m/s], [m/s^2] at t = k T.
+
+    Examples
+    --------
+    >>> motion = RecordedMotion(0.01, np.zeros(2), np.array([25.0, 25.1]), np.array([0.0, 1.0]))
+    >>> motion.at(0.01)
+    State(position=0.0, velocity=25.1, acceleration=1.0)
+    """
+
+    def __init__(
+        self,
+        step: float,
+        position: npt.NDArray[np.float64],
+        velocity: npt.NDArray[np.float64],
+        acceleration: npt.NDArray[np.float64],
+    ) -> None:
+        self._step = step
+        self._columns = (position, velocity, acceleration)
+
+    def at(self, time: float) -> State[float]:
+        """Return the recorded state at `time` = k T [s]."""
+        k = round(time / self._step)
+        position, velocity, acceleration = (float(column[k]) for column in self._columns)
+        return State(position, velocity, acceleration)
+
+
 def step_profile(
     velocity: float, acceleration: float, start: float, hold: float
 ) -> PiecewiseConstantAcceleration:

@@ -9,6 +9,7 @@ from cacc_platoon.nodes import qos
 from cacc_platoon.nodes.lockstep import LockstepLeader
 from cacc_platoon.nodes.node import PlatoonNode
 from cacc_platoon.scenario import Scenario
+from msg_adapters.chaining import with_recorded_leader
 from msg_adapters.topics import PlatoonTopics
 
 
@@ -26,7 +27,7 @@ class LeaderNode(PlatoonNode):
             twist(stamp, state.velocity)
             accel(stamp, state.acceleration)
 
-        leader = LockstepLeader(self.scenario, publish_state)
+        leader = LockstepLeader(with_recorded_leader(self.scenario), publish_state)
         self.create_subscription(
             Int64,
             PlatoonTopics(self.scenario.platoon.namespace).horizon,

@@ -25,7 +25,7 @@ from cacc_platoon.nodes.supervisor import GRAPH_PERIOD, SupervisorNode
 from cacc_platoon.run_folder import RunFolder
 from cacc_platoon.scenario import Scenario
 from msg_adapters.recording import read_parts
-from msg_adapters.topics import digest_topics
+from msg_adapters.topics import run_topics
 
 TICK = 0.02
 NEWCOMER_WAIT = 0.4
@@ -228,7 +228,7 @@ class Supervision:
         """Return times, progress and hosts for run.json."""
         wall = max(0.0, self._last_sample - self._first_sample)
         recorded = {topic for host in self._node.hosts.values() for topic in host["records"]}
-        run, platoon = self._scenario.run, self._scenario.platoon
+        run = self._scenario.run
         return {
             "samples": self._node.progress + 1,
             "wall_time": wall,
@@ -236,9 +236,7 @@ class Supervision:
             "start_time": self._start_time,
             "hosts": self._node.host_summaries(),
             "unrecorded": [
-                topic.name
-                for topic in digest_topics(platoon.namespace, platoon.followers)
-                if topic.name not in recorded
+                topic.name for topic in run_topics(self._scenario) if topic.name not in recorded
             ],
         }
 
@@ -271,10 +269,7 @@ class Supervision:
         missing = set(self._node.unrecorded_topics())
         if not missing:
             return
-        platoon = self._scenario.platoon
-        topics = [
-            t for t in digest_topics(platoon.namespace, platoon.followers) if t.name in missing
-        ]
+        topics = [topic for topic in run_topics(self._scenario) if topic.name in missing]
         part = self._folder.parts / "supervisor"
         self._recorder = RecorderNode(self._scenario, "supervisor", topics, part)
         self._executor.add_node(self._recorder)

@@ -14,8 +14,8 @@ Progress = Callable[[int, int], None]
 
 
 def initial_positions(scenario: Scenario) -> list[float]:
-    """Return x_i(0) [m] of vehicles 0..N in equilibrium, the leader at 0."""
-    positions = [0.0]
+    """Return x_i(0) [m] of the leader and its followers, in equilibrium behind the leader."""
+    positions = [scenario.leader_profile().at(0.0).position]
     for follower in scenario.followers:
         spacing = follower.standstill_distance + (
             follower.gains.time_headway * scenario.platoon.initial_speed

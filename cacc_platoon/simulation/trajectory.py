@@ -23,9 +23,10 @@ class Trajectory:
     scenario : Scenario
         What was run.
     position, velocity, acceleration : ndarray, shape (samples, N + 1)
-        x_i [m], v_i [m/s] and a_i [m/s^2] at t = k T; column 0 is the leader.
+        x_i [m], v_i [m/s] and a_i [m/s^2] at t = k T; column 0 is the leader, the others are
+        those of `scenario.indices`.
     received : ndarray, shape (samples, N)
-        w a_{i-1} [m/s^2] as follower i = 1..N received it (column i - 1).
+        w a_{i-1} [m/s^2] as the followers received it; column 0 is the first follower.
     """
 
     scenario: Scenario
@@ -44,11 +45,11 @@ class Trajectory:
         """delta_i [m] of followers 1..N, shape (samples, N); positive means too close."""
         columns = [
             follower.law().spacing_error(
-                self.position[:, follower.index],
-                self.velocity[:, follower.index],
-                self.position[:, follower.index - 1],
+                self.position[:, column],
+                self.velocity[:, column],
+                self.position[:, column - 1],
             )
-            for follower in self.scenario.followers
+            for column, follower in enumerate(self.scenario.followers, start=1)
         ]
         return np.stack(columns, axis=1)
 

@@ -22,15 +22,16 @@ def plot_noise(noise: Axes, signal: Axes, run: Trajectory, follower: int) -> Non
         The receiver; the sender is the vehicle before it.
     """
     rho = run.scenario.follower(follower).v2v.rho
-    factor = noise_factor(run)[:, follower - 1]
+    column = run.scenario.indices.index(follower)
+    factor = noise_factor(run)[:, column]
     noise.plot(*reduce(run.time, factor), color=BLUE, linewidth=0.4)
     for limit in (1.0 - 1.0 / rho, 1.0 + 1.0 / rho):
         noise.axhline(limit, color=RED, linestyle="--", linewidth=1.0)
     noise.set_ylabel("noise factor w [-]")
     noise.set_title(f"link {follower - 1} to {follower}; dashed: 1 - 1/rho and 1 + 1/rho")
-    received = reduce(run.time, run.received[:, follower - 1])
+    received = reduce(run.time, run.received[:, column])
     signal.plot(*received, color=ORANGE, linewidth=0.6, label=f"received by vehicle {follower}")
-    sent = reduce(run.time, run.acceleration[:, follower - 1])
+    sent = reduce(run.time, run.acceleration[:, column])
     signal.plot(*sent, color=BLUE, linewidth=1.2, label=f"sent by vehicle {follower - 1}")
     signal.set_xlabel("time [s]")
     signal.set_ylabel("acceleration [m/s$^2$]")

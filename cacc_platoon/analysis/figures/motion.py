@@ -24,25 +24,25 @@ _MOST_TICKS = 7
 
 def plot_spacing_errors(axes: Axes, run: Trajectory) -> None:
     """Draw delta_i of every follower (the paper's spacing error figures)."""
-    plot_per_vehicle(axes, run.time, run.spacing_error, first=1)
+    plot_per_vehicle(axes, run.time, run.spacing_error, run.scenario.indices)
     axes.set_ylabel(r"spacing error $\delta_i$ [m]")
 
 
 def plot_speeds(axes: Axes, run: Trajectory) -> None:
     """Draw the speed of every vehicle, the leader included."""
-    plot_per_vehicle(axes, run.time, run.velocity, first=0)
+    plot_per_vehicle(axes, run.time, run.velocity, run.scenario.vehicles)
     axes.set_ylabel(r"speed $v_i$ [m/s]")
 
 
 def plot_accelerations(axes: Axes, run: Trajectory) -> None:
     """Draw the acceleration of every vehicle, the leader included."""
-    plot_per_vehicle(axes, run.time, run.acceleration, first=0)
+    plot_per_vehicle(axes, run.time, run.acceleration, run.scenario.vehicles)
     axes.set_ylabel(r"acceleration $a_i$ [m/s$^2$]")
 
 
 def plot_gaps(axes: Axes, run: Trajectory) -> None:
     """Draw the gap in front of every follower."""
-    plot_per_vehicle(axes, run.time, run.gap, first=1)
+    plot_per_vehicle(axes, run.time, run.gap, run.scenario.indices)
     axes.set_ylabel(r"gap $x_{i-1} - x_i$ [m]")
 
 
@@ -50,7 +50,7 @@ def plot_space_time(axes: Axes, run: Trajectory) -> None:
     """Draw every path as seen from a frame that keeps the initial speed."""
     speed = run.scenario.platoon.initial_speed
     relative = run.position - speed * run.time[:, np.newaxis]
-    plot_per_vehicle(axes, run.time, relative, first=0)
+    plot_per_vehicle(axes, run.time, relative, run.scenario.vehicles)
     axes.set_ylabel(f"position $x_i$ - {speed:g} m/s t [m]")
 
 
@@ -63,13 +63,13 @@ def plot_waterfall(axes: Axes, run: Trajectory) -> None:
     distance = (columns[-1] - columns[0]) / max(len(columns) - 1, 1) or 1.0
     colours = vehicle_colours(errors.shape[1])
     for column in columns:
-        base = column + 1.0
+        base = float(run.scenario.indices[column])
         time, values = reduce(run.time, errors[:, column])
         axes.plot(time, base - 1.6 * distance * values / scale, color=colours[column])
         axes.axhline(base, color="#d9d9d9", linewidth=0.5, zorder=0)
     axes.invert_yaxis()
     axes.grid(visible=False, axis="y")
-    axes.set_yticks([column + 1 for column in columns[:: -(-len(columns) // 13)]])
+    axes.set_yticks([run.scenario.indices[column] for column in columns[:: -(-len(columns) // 13)]])
     axes.set_xlabel("time [s]")
     axes.set_ylabel("vehicle")
     axes.set_title(f"two lines apart: {scale / 1.6:.3g} m of error, positive upwards")
@@ -94,7 +94,7 @@ def plot_platoon_length(axes: Axes, runs: dict[str, Trajectory]) -> None:
     axes.legend()
 
 
-def plot_per_vehicle(axes: Axes, time: Array, values: Array, first: int) -> None:
+def plot_per_vehicle(axes: Axes, time: Array, values: Array, vehicles: range) -> None:
     """Draw one line per vehicle, coloured along the platoon, with a scale of the colours.
 
     Parameters
@@ -105,15 +105,15 @@ def plot_per_vehicle(axes: Axes, time: Array, values: Array, first: int) -> None
         Time [s].
     values : ndarray, shape (samples, n)
         One column per vehicle.
-    first : int
-        Index of the vehicle in column 0.
+    vehicles : range
+        Index of the vehicle in each column.
     """
     columns = spread(values.shape[1], MOST_LINES)
     colours = vehicle_colours(len(columns))
     for column, colour in zip(columns, colours, strict=True):
         axes.plot(*reduce(time, values[:, column]), color=colour, linewidth=1.0)
     axes.set_xlabel("time [s]")
-    _add_colour_scale(axes, [column + first for column in columns], colours)
+    _add_colour_scale(axes, [vehicles[column] for column in columns], colours)
 
 
 def _add_colour_scale(axes: Axes, vehicles: list[int], colours: list[object]) -> None:

@@ -13,7 +13,7 @@ def plot_peaks(
     axes: Axes, measured: Metrics, expected: Metrics, ensemble: Ensemble | None = None
 ) -> None:
     """Draw max|delta_i| over the vehicles: the run, its expectation, and many noisy runs."""
-    index = np.arange(1, len(measured.max_abs_spacing_error) + 1)
+    index = [link.follower for link in measured.noise]
     if ensemble is not None:
         peaks = ensemble.max_abs_spacing_error
         label = f"{ensemble.runs} noisy runs, smallest to largest"
@@ -56,6 +56,6 @@ def plot_ensemble(
         axes.plot(*mean, color=ORANGE, linewidth=2.0, label="their mean")
         drawn = reduce(expectation.time, expectation.spacing_error[:, column])
         axes.plot(*drawn, color=RED, linestyle="--", linewidth=1.0, label="expectation run")
-        axes.set_ylabel(rf"$\delta_{{{column + 1}}}$ [m]")
+        axes.set_ylabel(rf"$\delta_{{{run.scenario.indices[column]}}}$ [m]")
     first.legend(ncols=2)
     last.set_xlabel("time [s]")

@@ -111,7 +111,7 @@ def _motion_pictures(report: Report) -> Iterator[Picture]:
 
 def _channel_pictures(report: Report) -> Iterator[Picture]:
     run = report.run.trajectory
-    follower = min(2, run.scenario.platoon.followers)
+    follower = run.scenario.indices[:2][-1]
     yield Picture(
         "noise",
         f"Noise and communicated acceleration, vehicle {follower - 1} to {follower}",
@@ -137,7 +137,8 @@ def _design_pictures(report: Report) -> Iterator[Picture]:
     weakest = report.verdict.weakest
     follower = report.run.trajectory.scenario.follower(weakest.follower)
     gains, rho, tau_max = follower.gains, follower.v2v.rho, follower.tau_max
-    mean = report.measured.noise[weakest.follower - 1].expected_mean
+    place = report.run.trajectory.scenario.indices.index(weakest.follower)
+    mean = report.measured.noise[place].expected_mean
     if weakest.internally_stable and gains.k_a > 0:
         band = response_band(gains, rho, tau_max, k_effective=gains.k_a * mean)
         yield Picture(

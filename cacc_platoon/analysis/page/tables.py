@@ -73,8 +73,9 @@ def cell(document: dict[str, Any], key: str, form: str) -> str:
 def follower_table(document: dict[str, Any]) -> str:
     """Return the table of metrics, one row per follower."""
     rows = []
+    offset = document["first_follower"] - 1
     for vehicle in range(1, document["followers"] + 1):
-        cells = [f"<td>{vehicle}</td>"]
+        cells = [f"<td>{vehicle + offset}</td>"]
         for column in FOLLOWER_COLUMNS:
             known = vehicle >= column.first
             key = f"{column.key}.{vehicle - column.first}"

@@ -21,7 +21,7 @@ class Role(NamedTuple):
     quantity : str
         "pose", "twist", "accel" or "received".
     vehicle : int
-        0 for the leader.
+        Its index, 0 for the leader unless it leads a chained run.
     """
 
     quantity: str
@@ -63,14 +63,14 @@ def find_platoons(topics: Mapping[str, list[RawTopic]]) -> list[FoundPlatoon]:
     return sorted(found, key=lambda platoon: (-platoon.messages, platoon.prefix))
 
 
-def expected_topics(prefix: str, followers: int) -> dict[Role, Topic]:
-    """Return the topics that make up a run, by what they mean."""
+def expected_topics(prefix: str, followers: range) -> dict[Role, Topic]:
+    """Return the topics that make up a run of some followers, by what they mean."""
     topics: dict[Role, Topic] = {}
-    for index in range(followers + 1):
+    for index in range(followers[0] - 1, followers.stop):
         vehicle = VehicleTopics(prefix, index)
         topics[Role("pose", index)] = vehicle.pose
         topics[Role("twist", index)] = vehicle.twist
         topics[Role("accel", index)] = vehicle.accel
-        if index:
+        if index in followers:
             topics[Role("received", index)] = vehicle.received
     return topics

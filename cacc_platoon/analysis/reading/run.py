@@ -17,12 +17,13 @@ from cacc_platoon.analysis.reading.grid import Fault, Grid, group, lay_grid, sam
 from cacc_platoon.analysis.reading.platoon import FoundPlatoon, Role, expected_topics, find_platoons
 from cacc_platoon.analysis.reading.raw import BagError, Progress, RawTopic, one_line
 from cacc_platoon.analysis.reading.signals import Floats, Signal, decode, rows_in_stamp_order
+from cacc_platoon.model import RecordedMotion
 from cacc_platoon.parameters import ScenarioError
 from cacc_platoon.run_folder import INFO_FILE, SCENARIO_FILE
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario_file import parse_scenario
 from cacc_platoon.simulation import Trajectory
-from msg_adapters.recording import TopicRecord, digest
+from msg_adapters.recording import TopicRecord, digest_of
 from msg_adapters.topics import PlatoonTopics, Topic
 
 _NAMED_TOPICS = 3
@@ -112,14 +113,14 @@ def read_run(
             "Give the run's parameters with --scenario FILE."
         )
     scenario = _fit(scenario, platoon, notes, given)
-    topics = expected_topics(platoon.prefix, scenario.platoon.followers)
+    topics = expected_topics(platoon.prefix, scenario.indices)
     signals, faults = _decode_all(raw, topics, notes)
     if not any(len(signal.stamps) for signal in signals.values()):
         raise BagError(f"{bag}: no message of {platoon.prefix} can be read. Give another bag.")
     grid = lay_grid(signals.values(), scenario.step_ns)
     columns = _columns(topics, signals, grid, faults)
     notes += group(faults)
-    run_digest = digest(_Rows(raw, topics), platoon.prefix, scenario.platoon.followers)
+    run_digest = digest_of(_Rows(raw, topics), [topic.name for topic in topics.values()])
     recorded = str(info.get("digest") or raw.custom_data.get("digest") or "")
     if recorded and recorded != run_digest:
         notes.append(
@@ -226,14 +227,15 @@ def _strings(part: RawTopic) -> Iterator[str]:
 
 def _fit(scenario: Scenario, platoon: FoundPlatoon, notes: list[str], given: bool) -> Scenario:
     """Return the scenario with the topics' namespace, and as many vehicles when it was given."""
-    found, followers = max(platoon.vehicles), scenario.platoon.followers
-    if given and found != followers and found > 0 and not isinstance(scenario.vehicle.tau, tuple):
+    found, followers, indices = max(platoon.vehicles), scenario.platoon.followers, scenario.indices
+    first, last = indices[0], indices[-1]
+    if given and found != last and found >= first and not isinstance(scenario.vehicle.tau, tuple):
         overrides = {i: own for i, own in scenario.overrides.items() if i <= found}
         scenario = dataclasses.replace(scenario, overrides=overrides)
-        followers = found
-    elif found > followers:
+        followers = found - first + 1
+    elif found > last:
         notes.append(
-            f"vehicles {followers + 1} to {found} are in the bag but not in the scenario; left out"
+            f"vehicles {last + 1} to {found} are in the bag but not in the scenario; left out"
         )
     place = dataclasses.replace(scenario.platoon, namespace=platoon.prefix, followers=followers)
     return dataclasses.replace(scenario, platoon=place)
@@ -310,7 +312,11 @@ def _trajectory(scenario: Scenario, columns: Mapping[Role, Floats]) -> Trajector
         own = [columns[role] for role in sorted(columns) if role.quantity == quantity]
         return np.stack(own, axis=1)
 
-    return Trajectory(scenario, stack("pose"), stack("twist"), stack("accel"), stack("received"))
+    states = (stack("pose"), stack("twist"), stack("accel"))
+    if scenario.leader.profile == "bag":  # what led is in this bag too
+        led = RecordedMotion(scenario.run.step, *(part[:, 0] for part in states))
+        scenario = dataclasses.replace(scenario, recorded_leader=led)
+    return Trajectory(scenario, *states, stack("received"))
 
 
 class _Rows(Mapping[str, TopicRecord]):
