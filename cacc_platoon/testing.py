@@ -18,11 +18,13 @@ import fcntl
 import json
 import os
 import random
+import shutil
 import signal
 import subprocess
 import sys
 import tempfile
 import time
+import weakref
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -102,7 +104,7 @@ class Platoon:
     environment : mapping of str to str, optional
         Added to the environment of all processes.
     folder : Path, optional
-        Where to put the run folder; a temporary one by default.
+        Where to put the run folder; by default a temporary one that goes with the last result.
     report : bool, optional
         Whether the command judges the run at the end, as `platoon run` does by default.
     """
@@ -118,8 +120,10 @@ class Platoon:
         folder: Path | None = None,
         report: bool = False,
     ) -> None:
-        self._temporary = tempfile.TemporaryDirectory(prefix="cacc_platoon_")
-        base = folder or Path(self._temporary.name)
+        base = folder or Path(tempfile.mkdtemp(prefix="cacc_platoon_"))
+        self.folder = RunFolder(base / "run")
+        if folder is None:
+            weakref.finalize(self.folder, shutil.rmtree, base, ignore_errors=True)
         self._flags = [] if report else ["--no-report"]
         self._by_hand = dict(by_hand or {})
         settings = list(settings)
@@ -134,7 +138,6 @@ class Platoon:
         else:
             self.scenario = load_scenario(scenario, settings)
         self.scenario_file.write_text(format_scenario(self.scenario), encoding="utf-8")
-        self.folder = RunFolder(base / "run")
         self._environment = dict(environment or {})
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
         self._status: dict[str, Any] = {"state": "", "sample": -1, "hosts": []}
@@ -145,7 +148,6 @@ class Platoon:
         """Start the supervisor, the hosts and the nodes given by hand."""
         self._stack = contextlib.ExitStack()
         self.domain = self._stack.enter_context(own_domain())
-        self._stack.callback(self._temporary.cleanup)
         self._observe()
         self._stack.callback(self._end_processes)
         self._run(

@@ -22,6 +22,9 @@ from cacc_platoon.signals import StopSignal
 from msg_adapters.chaining import with_recorded_leader
 
 
+ROS_MODULES = ("rclpy", "rcl_interfaces", "std_msgs", "geometry_msgs")
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the verb's arguments."""
     add_scenario_arguments(parser)
@@ -69,7 +72,9 @@ def run_and_judge(scenario: Scenario, output: Path | None, options: argparse.Nam
     stop = StopSignal(signal.SIGINT, signal.SIGTERM, insist=True)
     try:
         from cacc_platoon.nodes import launcher  # noqa: PLC0415  (needs ROS)
-    except ImportError as error:
+    except ModuleNotFoundError as error:
+        if error.name not in ROS_MODULES:
+            raise
         raise UserError(
             f"platoon run: {error}. It needs ROS 2: source its setup file or see Install in the "
             "README; platoon simulate runs the same scenario without ROS."
