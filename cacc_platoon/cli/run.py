@@ -21,7 +21,6 @@ from cacc_platoon.scenario_file import load_scenario
 from cacc_platoon.signals import StopSignal
 from msg_adapters.chaining import with_recorded_leader
 
-
 ROS_MODULES = ("rclpy", "rcl_interfaces", "std_msgs", "geometry_msgs")
 
 
