@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
-from cacc_platoon.analysis.figures import channel, motion, travel
+from cacc_platoon.analysis.figures import admissible, channel, motion, travel
 from cacc_platoon.analysis.figures.style import Axes
 from cacc_platoon.analysis.page.pictures import Picture
 from cacc_platoon.analysis.paper.cases import CASES, RHO, TAU_0, Case
 from cacc_platoon.design import exact_region, paper_region
 from cacc_platoon.design.curves import ResponseBand, response_band, slope_curve
 from cacc_platoon.design.figures import (
-    plot_noise_regions,
     plot_regions,
     plot_response,
     plot_slope,
@@ -27,13 +26,18 @@ if TYPE_CHECKING:
 def paper_pictures(reports: Mapping[str, Report]) -> Iterator[Picture]:
     """Yield the figures in the order of the paper, then those beyond it."""
     a, b, c = CASES
+    run_a = reports["A"].run.trajectory
     yield Picture(
-        "noise_regions",
-        "Figs. 2 and 3: admissible noise and received acceleration",
-        f"What the receiver may get, over the acceleration sent and over time, rho = {RHO:g}.",
-        lambda plane, time: plot_noise_regions(plane, time, RHO),
-        rows=2,
-        height=5.6,
+        "noise_cone",
+        "Fig. 2: admissible noise in the communicated acceleration",
+        f"At most |a|/rho, rho = {RHO:g}; dots: link 0 to 1 of the recorded run A.",
+        lambda axes: admissible.plot_noise_cone(axes, run_a, 0),
+    )
+    yield Picture(
+        "noise_received",
+        "Fig. 3: admissible communicated acceleration over the actual one",
+        f"Between (1 - 1/rho) a and (1 + 1/rho) a, rho = {RHO:g}; dots as before.",
+        lambda axes: admissible.plot_received(axes, run_a, 0),
     )
     yield Picture(
         "headway_slope",
@@ -48,7 +52,7 @@ def paper_pictures(reports: Mapping[str, Report]) -> Iterator[Picture]:
         "noise_link_1_2",
         "Noise and communicated acceleration, vehicle 1 to 2, case A",
         "From the recorded run.",
-        lambda noise, signal: channel.plot_noise(noise, signal, reports["A"].run.trajectory, 2),
+        lambda noise, signal: channel.plot_noise(noise, signal, run_a, 2),
         rows=2,
         height=4.4,
     )

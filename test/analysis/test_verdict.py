@@ -1,0 +1,128 @@
+"""The verdict is a theorem: right for the published cases, deaf to the noise of one run."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from cacc_platoon.analysis import (
+    analyse,
+    check_consistency,
+    compute_metrics,
+    judge,
+    warn_if_not_string_stable,
+)
+from cacc_platoon.analysis.paper import CASES, case_scenario
+from cacc_platoon.design import exact_region
+from cacc_platoon.scenario import Scenario
+from cacc_platoon.simulation import simulate
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+def test_published_cases(case):
+    verdict = judge(case_scenario(case))
+    assert verdict.string_stable == verdict.in_paper_region == case.string_stable
+    assert verdict.equal_links
+    assert "exact test" in verdict.basis
+    assert "L2" in verdict.basis
+    assert (verdict.weakest.l2_gain == 1.0) == case.string_stable
+
+
+def test_both_definitions_are_named_and_differ():
+    """docs/theory.md, section 1: A is L2 string stable, yet its L-infinity gain is 1.0396."""
+    verdict = judge(case_scenario(CASES[0]))
+    assert verdict.weakest.l2_gain == 1.0
+    assert verdict.weakest.linf_gain == pytest.approx(1.0396, abs=5e-5)
+    assert judge(case_scenario(CASES[2])).weakest.linf_gain == pytest.approx(1.0661, abs=5e-5)
+
+
+def test_one_noisy_run_does_not_decide():
+    """Peaks of a noisy run of A grow at some hops; the verdict stays, and says void of nothing."""
+    scenario = case_scenario(CASES[0])
+    run = simulate(scenario)
+    metrics = compute_metrics(run)
+    assert (np.diff(metrics.max_abs_spacing_error) > 0).any()
+    verdict = judge(scenario, metrics.noise, check_consistency(run))
+    assert verdict.certified
+    assert all(one.realised_stable for one in verdict.followers)
+
+
+def test_exact_where_the_paper_is_only_sufficient():
+    """h_w = 0.8 s is below the paper's 0.9375 s and robustly string stable for some gains."""
+    low, high = exact_region(0.5, 0.8, rho=5.0, tau_max=0.5).bounds([0.1])
+    k_v = float(low[0] + high[0]) / 2
+    values = {
+        "controller.time_headway": 0.8,
+        "controller.k_p": 0.1,
+        "controller.k_v": k_v,
+    }
+    verdict = judge(Scenario.from_values(values))
+    assert verdict.string_stable
+    assert not verdict.in_paper_region
+
+
+def test_worst_case_over_lag_and_noise():
+    """A lag of 0.3 s is driven, but tau0 = 0.9 s must be tolerated and is not."""
+    values = {"vehicle.tau": 0.3, "vehicle.tau_max": 0.9}
+    assert not judge(Scenario.from_values(values)).string_stable
+    assert judge(Scenario.from_values({**values, "vehicle.tau_max": 0.5})).string_stable
+
+
+def test_mixed_platoon_is_certified_on_accelerations():
+    scenario = Scenario.from_values({}, {5: {"controller.time_headway": 0.65}})
+    verdict = judge(scenario)
+    assert not verdict.string_stable
+    assert not verdict.equal_links
+    assert verdict.weakest.follower == 5
+    assert "a_i = H_i a_{i-1}" in verdict.basis
+    assert [one.follower for one in verdict.followers if not one.string_stable] == [5]
+    warning = warn_if_not_string_stable(scenario)
+    assert "vehicle 5" in warning
+    assert "0.714286 s" in warning
+
+
+def test_warning_is_one_line_and_only_where_due():
+    assert warn_if_not_string_stable(case_scenario(CASES[0])) is None
+    warning = warn_if_not_string_stable(case_scenario(CASES[1]))
+    assert "\n" not in warning
+    assert "h_w = 0.65 s is below 0.714286 s" in warning
+    assert "0.9375 s" in warning
+
+
+def test_certificate_is_void_where_the_channel_broke_its_word(scenario):
+    run = simulate(scenario)
+    received = run.received.copy()
+    received[120, 1] = 1.3 * run.acceleration[120, 1]
+    broken = dataclasses.replace(run, received=received)
+    noise = compute_metrics(broken).noise
+    verdict = judge(scenario, noise)
+    assert verdict.string_stable
+    assert not verdict.certified
+    (why,) = verdict.void
+    assert "link 1 -> 2 at 1.2 s" in why
+    assert "VOID" in verdict.headline
+
+
+def test_certificate_is_void_where_a_vehicle_had_other_gains(bags, tmp_path, scenario):
+    other = dataclasses.replace(scenario, overrides={2: {"controller.k_v": 0.7}})
+    bag = bags.bag(tmp_path / "bag", scenario, bags.record(other))
+    report = analyse(bag, runs=0)
+    assert report.verdict.string_stable
+    assert not report.verdict.certified
+    assert "vehicle 2 departs from its scenario's equations" in report.verdict.void[0]
+
+
+def test_expectation_run_is_the_mean_of_noisy_runs(whole_run):
+    """docs/theory.md, section 1: within 4 standard errors at every vehicle and time."""
+    report = analyse(whole_run, runs=400)
+    assert report.metrics["ensemble"]["max_standard_errors_from_expectation"] < 4.0
+    assert report.metrics["ensemble"]["runs"] == 400
+
+
+def test_no_ensemble_where_nothing_is_random(bags, tmp_path):
+    calm = bags.scenario({"v2v.noise": "expected"})
+    report = analyse(bags.run(tmp_path / "run", calm).path)
+    assert report.ensemble is None
+    assert report.measured.max_abs_spacing_error.tolist() == (
+        report.expected.max_abs_spacing_error.tolist()
+    )
