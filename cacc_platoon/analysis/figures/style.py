@@ -120,7 +120,7 @@ def reduce(time: Array, values: Array, points: int = POINTS) -> tuple[Array, Arr
     --------
     >>> t, v = reduce(np.arange(10_000.0), np.sin(np.arange(10_000.0)))
     >>> len(t), float(v.max()) > 0.9999
-    (1400, True)
+    (1200, True)
     """
     if len(values) <= 2 * points:
         return time, values
