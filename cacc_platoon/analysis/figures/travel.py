@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cacc_platoon.analysis.figures.style import BLUE, GREY, ORANGE, POINTS, RED, Axes, reduce
+from cacc_platoon.analysis.figures.style import BLUE, GREY, ORANGE, POINTS, RED, Axes
 from cacc_platoon.analysis.metrics import Metrics
 from cacc_platoon.simulation import Ensemble, Trajectory
 
@@ -39,23 +39,24 @@ def plot_peaks(
 def plot_ensemble(
     first: Axes, last: Axes, ensemble: Ensemble, expectation: Trajectory, run: Trajectory
 ) -> None:
-    """Draw the band of many noisy runs around their mean, for the first and last follower."""
+    """Draw how far noisy runs are from the expectation run, for the first and last follower.
+
+    The mean of the runs belongs between the dashed lines, 4 of its standard errors from zero.
+    """
+    rows = np.linspace(0, len(expectation.time) - 1, POINTS).astype(np.int64)
+    time = expectation.time[rows]
     for axes, column in ((first, 0), (last, ensemble.mean.shape[1] - 1)):
-        rows = np.linspace(0, len(expectation.time) - 1, POINTS).astype(np.int64)
-        axes.fill_between(
-            expectation.time[rows],
-            ensemble.low[rows, column],
-            ensemble.high[rows, column],
-            color=BLUE,
-            alpha=0.2,
-            label=f"{ensemble.runs} noisy runs",
-        )
-        own = reduce(run.time, run.spacing_error[:, column])
-        axes.plot(*own, color=GREY, linewidth=0.7, label="this run")
-        mean = reduce(expectation.time, ensemble.mean[:, column])
-        axes.plot(*mean, color=ORANGE, linewidth=2.0, label="their mean")
-        drawn = reduce(expectation.time, expectation.spacing_error[:, column])
-        axes.plot(*drawn, color=RED, linestyle="--", linewidth=1.0, label="expectation run")
-        axes.set_ylabel(rf"$\delta_{{{run.scenario.indices[column]}}}$ [m]")
+        base = expectation.spacing_error[rows, column]
+        low, high = (side[rows, column] - base for side in (ensemble.low, ensemble.high))
+        axes.fill_between(time, low, high, color=BLUE, alpha=0.2, label=f"{ensemble.runs} runs")
+        own = run.spacing_error[rows, column] - base
+        axes.plot(time, own, color=GREY, linewidth=0.7, label="this run")
+        mean = ensemble.mean[rows, column] - base
+        axes.plot(time, mean, color=ORANGE, linewidth=1.6, label="mean of the runs")
+        reach = 4.0 * ensemble.standard_error[rows, column]
+        for side, label in ((-reach, None), (reach, "4 standard errors")):
+            axes.plot(time, side, color=RED, linestyle="--", linewidth=0.9, label=label)
+        vehicle = run.scenario.indices[column]
+        axes.set_ylabel(rf"$\delta_{{{vehicle}}} - E[\delta_{{{vehicle}}}]$ [m]")
     first.legend(ncols=2)
     last.set_xlabel("time [s]")

@@ -63,8 +63,8 @@ def _error_pictures(report: Report) -> Iterator[Picture]:
         yield Picture(
             "ensemble",
             "Many noisy runs",
-            "Band from the smallest to the largest error of the noisy runs, first and last "
-            "follower; their mean lies on the expectation run.",
+            "Distance from the expectation run, first and last follower: the band from the "
+            "smallest to the largest of the noisy runs, and their mean.",
             lambda first, last: travel.plot_ensemble(first, last, ensemble, expectation, run),
             rows=2,
             height=4.4,
