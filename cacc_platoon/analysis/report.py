@@ -106,7 +106,7 @@ def analyse(
     UserError
         When there is nothing to report on.
     """
-    bag, folder = _locate(Path(path))
+    bag, folder = locate(Path(path))
     run = read_run(bag, folder, scenario=scenario, namespace=namespace, progress=progress)
     with np.errstate(all="ignore"):  # an unstable scenario overflows, and that is its result
         measured = compute_metrics(run.trajectory)
@@ -202,7 +202,7 @@ def expected_scenario(scenario: Scenario) -> Scenario:
     return dataclasses.replace(scenario, v2v=v2v, overrides=overrides)
 
 
-def _locate(path: Path) -> tuple[Path, Path | None]:
+def locate(path: Path) -> tuple[Path, Path | None]:
     """Return the bag and the run folder around it; a killed run is finished first."""
     if not path.is_dir():
         return path, None

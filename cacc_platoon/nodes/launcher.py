@@ -7,12 +7,13 @@ import multiprocessing
 import os
 import signal
 import time
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 from multiprocessing import forkserver
 from multiprocessing.connection import Connection
 from multiprocessing.context import ForkServerProcess
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 from cacc_platoon.errors import UserError
 from cacc_platoon.nodes.host import HostPlan, run_host
@@ -75,6 +76,15 @@ def plan_hosts(scenario: Scenario, parts: Path, run: str) -> list[HostPlan]:
     ]
 
 
+class Plan(Protocol):
+    """What a process is to do; it can be pickled."""
+
+    @property
+    def name(self) -> str:
+        """Name of the host."""
+        ...
+
+
 class HostProcesses:
     """The hosts that this process has started."""
 
@@ -82,12 +92,14 @@ class HostProcesses:
         self._context = multiprocessing.get_context("forkserver")
         self._running: dict[str, tuple[ForkServerProcess, Connection]] = {}
 
-    def start(self, plans: list[HostPlan]) -> None:
-        """Start a process for each plan."""
+    def start(
+        self, plans: Sequence[Plan], target: Callable[[Any, Connection], None] = run_host
+    ) -> None:
+        """Start a process for each plan, which runs it by `target`."""
         for plan in plans:
             reader, writer = self._context.Pipe(duplex=False)
             process = self._context.Process(
-                target=run_host, args=(plan, reader), name=f"host_{plan.name}"
+                target=target, args=(plan, reader), name=f"host_{plan.name}"
             )
             process.start()
             reader.close()

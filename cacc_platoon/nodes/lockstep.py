@@ -60,6 +60,8 @@ class LockstepFollower:
         Called with stamp [ns], u [m/s^2], delta [m] and e [m] for every step.
     law : ControlLaw, optional
         Replaces the constant time headway law.
+    initial : State, optional
+        State at sample 0; by default in equilibrium behind the predecessor.
     """
 
     def __init__(
@@ -69,6 +71,8 @@ class LockstepFollower:
         publish_state: PublishState,
         publish_command: PublishCommand | None = None,
         law: ControlLaw | None = None,
+        *,
+        initial: State[float] | None = None,
     ) -> None:
         self._step_ns = scenario.step_ns
         self._end = (scenario.samples - 1) * self._step_ns
@@ -80,6 +84,7 @@ class LockstepFollower:
             follower.gains.time_headway * self._speed
         )
         self._publish_state, self._publish_command = publish_state, publish_command
+        self._initial = initial
         self._state: State[float] | None = None
         self._stamp = 0
         predecessor = f"vehicle_{follower.index - 1}"
@@ -94,7 +99,8 @@ class LockstepFollower:
         """Accept the predecessor's position [m]; the first one places this vehicle behind it."""
         self._position_sequence.take(stamp)
         if self._state is None:
-            self._state = State(position - self._equilibrium_spacing, self._speed, 0.0)
+            equilibrium = State(position - self._equilibrium_spacing, self._speed, 0.0)
+            self._state = self._initial or equilibrium
             self._publish_state(0, self._state)
         self._positions.append(position)
         self._advance()

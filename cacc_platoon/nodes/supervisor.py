@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import time
+from collections import Counter
 from typing import Any
 
 from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy
 from std_msgs.msg import Int64, String
 
 from cacc_platoon.nodes import parameters, qos
@@ -44,7 +46,6 @@ class SupervisorNode(Node):  # type: ignore[misc]
         self.state = WAITING
         self.message = ""
         self._recorded: dict[str, int] = {}
-        self._subscribers: dict[str, int] = {}
         self._last = scenario.samples - 1
         self._heartbeat = 0.0
         self._started = 0.0
@@ -75,11 +76,6 @@ class SupervisorNode(Node):  # type: ignore[misc]
 
     def begin_matching(self) -> None:
         """Tell everybody which connections to wait for."""
-        data = {topic.name for topic in self._digest_topics()}
-        for host in self.hosts.values():
-            for topic in host["subscribes"]:
-                if topic in data:
-                    self._subscribers[topic] = self._subscribers.get(topic, 0) + 1
         self._change(MATCHING)
 
     def unmatched(self) -> list[str]:
@@ -99,6 +95,12 @@ class SupervisorNode(Node):  # type: ignore[misc]
         self._started = time.monotonic()
         self._change(RUNNING)
         self._publish_horizon()
+
+    def advance(self, sample: int) -> None:
+        """Take note that everything is there up to a sample, and let the leader follow."""
+        if sample > self.progress:
+            self.progress = sample
+            self._publish_horizon()
 
     def end(self, state: str, message: str) -> None:
         """Tell everybody that the run has ended, and how."""
@@ -157,10 +159,7 @@ class SupervisorNode(Node):  # type: ignore[misc]
 
     def _on_recorded(self, host: str, sample: int) -> None:
         self._recorded[host] = sample
-        progress = min(self._recorded.values())
-        if progress > self.progress:
-            self.progress = progress
-            self._publish_horizon()
+        self.advance(min(self._recorded.values()))
 
     def _progress_publishers(self) -> dict[str, int]:
         prefix = f"{self.scenario.platoon.namespace}/host_"
@@ -179,6 +178,20 @@ class SupervisorNode(Node):  # type: ignore[misc]
             horizon = min(horizon, int(elapsed * run.real_time_factor / run.step))
         self._horizon.publish(Int64(data=horizon))
 
+    def _count_subscribers(self) -> dict[str, int]:
+        """Return how many subscribers each data topic has to reach before the run may start.
+
+        Those of the platoon, and strangers that are in the graph by now: they miss nothing either.
+        """
+        wanted = Counter(topic for host in self.hosts.values() for topic in host["subscribes"])
+        counts = {}
+        for topic in self._digest_topics():
+            found = self.get_subscriptions_info_by_topic(topic.name)
+            volatile = DurabilityPolicy.VOLATILE
+            matching = sum(info.qos_profile.durability == volatile for info in found)
+            counts[topic.name] = max(wanted[topic.name], matching)
+        return counts
+
     def _change(self, state: str) -> None:
         self.state = state
         self._publish_status()
@@ -192,6 +205,6 @@ class SupervisorNode(Node):  # type: ignore[misc]
             "samples": self._last + 1,
             "message": self.message,
             "hosts": self.host_summaries(),
-            "subscribers": self._subscribers,
+            "subscribers": self._count_subscribers() if self.state == MATCHING else {},
         }
         self._status.publish(String(data=json.dumps(status)))

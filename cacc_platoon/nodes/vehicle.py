@@ -20,6 +20,8 @@ class VehicleNode(PlatoonNode):
     ----------
     law : callable, optional
         Makes another control law from the follower's parameters.
+    initial : State, optional
+        Where it begins; by default in equilibrium behind its predecessor.
     """
 
     def __init__(
@@ -27,6 +29,7 @@ class VehicleNode(PlatoonNode):
         scenario: Scenario | None = None,
         index: int | None = None,
         law: Callable[[Follower], ControlLaw] | None = None,
+        initial: State[float] | None = None,
     ) -> None:
         groups = ("platoon", "vehicle", "controller", "run", "record")
         super().__init__("vehicle", groups, scenario, index)
@@ -56,6 +59,7 @@ class VehicleNode(PlatoonNode):
             publish_state,
             publish_command if command or error else None,
             law(follower) if law else None,
+            initial=initial,
         )
         self.follow_stream(self.predecessor.pose, core.take_position)
         self.follow_stream(self.predecessor.twist, core.take_velocity)

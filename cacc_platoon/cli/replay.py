@@ -1,0 +1,218 @@
+"""Replay a recorded vehicle on a live node and compare what it publishes with the bag, bit by bit.
+
+With --set it answers what the vehicle would have done with other parameters.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import os
+import signal
+import sys
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cacc_platoon.cli.exit_codes import DONE, FAILED
+from cacc_platoon.cli.progress import ProgressLine
+from cacc_platoon.errors import UserError
+from cacc_platoon.signals import StopSignal
+
+if TYPE_CHECKING:
+    from cacc_platoon.analysis.replay import NodeRecord, WhatIf
+    from cacc_platoon.scenario import Scenario
+
+ANSWER_FILE, FIGURE_FILE = "replay.json", "spacing_error.svg"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the verb's arguments."""
+    parser.add_argument("path", metavar="RUN|BAG", type=Path, help="run folder, bag or .mcap/.db3")
+    parser.add_argument("--vehicle", type=int, required=True, metavar="I", help="which vehicle")
+    parser.add_argument(
+        "--node",
+        choices=("vehicle", "noise_relay", "leader"),
+        help="which of its nodes (default: the one that moves)",
+    )
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="what would it have done with another parameter, e.g. controller.time_headway=0.8; "
+        "may be repeated",
+    )
+    parser.add_argument(
+        "-o", "--output", type=Path, metavar="DIR", help=f"write {ANSWER_FILE} and a figure there"
+    )
+    parser.add_argument("--json", action="store_true", help="print one JSON object and no text")
+    parser.add_argument("--domain", type=int, help="DDS domain (default: one that nobody uses)")
+    parser.add_argument("--scenario", type=Path, metavar="FILE", help="parameters of the recording")
+    parser.add_argument("--namespace", help="which platoon, when the bag holds several")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Replay, compare, answer."""
+    from cacc_platoon.analysis.replay import changed_scenario, read_node  # noqa: PLC0415  (heavy)
+    from cacc_platoon.scenario_file import load_scenario  # noqa: PLC0415  (heavy)
+
+    if options.output and options.output.exists() and not options.output.is_dir():
+        raise UserError(f"{options.output}: is a file. Choose another folder with -o.")
+    given = load_scenario(options.scenario) if options.scenario else None
+    with ProgressLine() as progress:
+        record = read_node(
+            options.path,
+            options.vehicle,
+            options.node,
+            scenario=given,
+            namespace=options.namespace,
+            progress=progress,
+        )
+    scenario = changed_scenario(record, options.set) if options.set else record.scenario
+    stop = StopSignal(signal.SIGINT, signal.SIGTERM, insist=True)
+    try:
+        replayed = _replay(record, scenario, options, stop)
+    except _FailedError as failure:
+        print(f"platoon: {failure}", file=sys.stderr)
+        return stop.exit_code or FAILED
+    document, lines, code = _answer(record, scenario, replayed, options)
+    if options.json:
+        print(json.dumps(document, indent=1, allow_nan=False))
+    else:
+        print("\n".join(lines))
+    return code
+
+
+class _FailedError(Exception):
+    """The replay did not come to its end."""
+
+
+def _replay(
+    record: NodeRecord, scenario: Scenario, options: argparse.Namespace, stop: StopSignal
+) -> Mapping[str, list[bytes]]:
+    """Run the node in a domain of its own and return its messages."""
+    import dataclasses  # noqa: PLC0415
+
+    try:
+        from cacc_platoon.nodes import launcher  # noqa: PLC0415  (needs ROS)
+    except ImportError as error:
+        raise UserError(
+            f"platoon replay: {error}. It needs ROS 2: source its setup file or see Install in the "
+            "README; platoon simulate runs a scenario without ROS."
+        ) from error
+    from cacc_platoon.model import State  # noqa: PLC0415
+    from cacc_platoon.nodes.replay import plan_replay, replay_node  # noqa: PLC0415
+    from cacc_platoon.nodes.supervision import RunFailedError  # noqa: PLC0415
+
+    run = dataclasses.replace(scenario.run, real_time_factor=0.0)
+    initial = None
+    if options.set:
+        initial = State(*(float(stream.values(1)[0]) for stream in record.outputs))
+    plan = plan_replay(dataclasses.replace(scenario, run=run), record.node, record.index, initial)
+    outputs = [stream.topic for stream in record.outputs]
+    with _domain(options.domain), ProgressLine(scenario.run.step) as progress:
+        launcher.prepare()
+        try:
+            return replay_node(
+                plan,
+                record.feed(),
+                outputs,
+                record.samples,
+                observe=progress,
+                stopped=stop.received,
+            )
+        except RunFailedError as failure:
+            raise _FailedError(failure) from failure
+
+
+@contextlib.contextmanager
+def _domain(number: int | None) -> Iterator[None]:
+    """Use a DDS domain on this machine only, one that no other process of ours uses by default."""
+    from cacc_platoon.testing import own_domain  # noqa: PLC0415  (needs ROS)
+
+    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    chosen = contextlib.nullcontext(number) if number is not None else own_domain()
+    with chosen as domain:
+        os.environ["ROS_DOMAIN_ID"] = str(domain)
+        yield
+
+
+def _answer(
+    record: NodeRecord,
+    scenario: Scenario,
+    replayed: Mapping[str, list[bytes]],
+    options: argparse.Namespace,
+) -> tuple[dict[str, Any], list[str], int]:
+    """Return the JSON document, the lines to print and the exit code; write what was asked for."""
+    from cacc_platoon.analysis.replay import (  # noqa: PLC0415  (heavy)
+        first_difference,
+        possible_causes,
+        what_if,
+        what_if_figure,
+    )
+
+    document: dict[str, Any] = {
+        "vehicle": record.index,
+        "node": record.node,
+        "samples": record.samples,
+        "messages": record.samples * len(record.outputs),
+        "notes": list(record.notes),
+    }
+    figure, code = "", DONE
+    if options.set:
+        answer = what_if(record, scenario, replayed)
+        figure = what_if_figure(answer, record.index, options.set)
+        document |= {
+            "set": options.set,
+            "recorded": answer.recorded._asdict(),
+            "replayed": answer.replayed._asdict(),
+        }
+        lines = _what_if_lines(record, answer, options.set)
+    elif difference := first_difference(record, replayed):
+        causes, code = possible_causes(record), FAILED
+        document |= {
+            "identical": False,
+            "first_difference": difference._asdict(),
+            "possible_causes": causes,
+        }
+        lines = [f"{difference}. Possible causes: {'; '.join(causes)}."]
+    else:
+        document |= {"identical": True, "first_difference": None}
+        lines = [f"{document['messages']} messages identical{_until(record)}"]
+    if options.output:
+        _write(options.output, document, figure)
+    return document, lines, code
+
+
+def _until(record: NodeRecord) -> str:
+    return f", up to sample {record.samples - 1}: {record.notes[0]}" if record.notes else ""
+
+
+def _what_if_lines(record: NodeRecord, answer: WhatIf, settings: list[str]) -> list[str]:
+    before, after = answer.recorded, answer.replayed
+    rows = [
+        ("max |spacing error| [m]", before.max_abs_spacing_error, after.max_abs_spacing_error),
+        ("smallest gap [m]", before.min_gap, after.min_gap),
+        ("peak |acceleration| [m/s^2]", before.max_abs_acceleration, after.max_abs_acceleration),
+    ]
+    return [
+        f"vehicle_{record.index} with {', '.join(settings)}, given what it was given"
+        f"{_until(record)}",
+        f"  {'':27} {'recorded':>12} {'replayed':>12}",
+        *(f"  {name:27} {old:12.6f} {new:12.6f}" for name, old, new in rows),
+    ]
+
+
+def _write(folder: Path, document: dict[str, Any], figure: str) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        text = json.dumps(document, indent=1, allow_nan=False)
+        (folder / ANSWER_FILE).write_text(text + "\n", encoding="utf-8")
+        if figure:
+            (folder / FIGURE_FILE).write_text(figure, encoding="utf-8")
+    except OSError as error:
+        raise UserError(
+            f"{folder}: cannot be written ({error.strerror}). Choose another folder with -o."
+        ) from error
