@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from cacc_platoon.analysis.report import Report
     from cacc_platoon.analysis.verdict import Verdict
 
+_ROUNDING = 1e-9
+"""Below this standard error [m] the spread of noisy runs is rounding."""
+
 
 def document(report: Report) -> dict[str, Any]:
     """Return what metrics.json holds; lists are over followers 1..N unless the name says more."""
@@ -124,7 +127,7 @@ def _ensemble(report: Report) -> dict[str, Any] | None:
     if ensemble is None:
         return None
     apart = np.abs(ensemble.mean - report.expectation.spacing_error)
-    errors = np.where(ensemble.standard_error > 0, ensemble.standard_error, np.inf)
+    errors = np.where(ensemble.standard_error > _ROUNDING, ensemble.standard_error, np.inf)
     peaks = ensemble.max_abs_spacing_error
     return {
         "runs": ensemble.runs,

@@ -174,7 +174,10 @@ def test_killed_run_is_finished_first(tmp_path, scenario, capsys):
     assert info["status"] == "failed"
     assert "salvaged" in info["message"]
     assert metrics["provenance"]["samples"] == 199
-    assert metrics["findings"] == ["the run has 199 samples (1.98 s) of the scenario's 301 (3 s)"]
+    assert metrics["findings"] == [
+        "the run failed: salvaged: the run was killed, this is what had been recorded",
+        "the run has 199 samples (1.98 s) of the scenario's 301 (3 s)",
+    ]
     assert not folder.parts.exists()
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import struct
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,17 +13,20 @@ import numpy as np
 
 from cacc_platoon.analysis.reading.files import RawBag, read_bag
 from cacc_platoon.analysis.reading.grid import Fault, Grid, group, lay_grid, sample
+from cacc_platoon.analysis.reading.parameters import (
+    cut_to_samples,
+    fit_to_topics,
+    recorded_scenario,
+)
 from cacc_platoon.analysis.reading.platoon import FoundPlatoon, Role, expected_topics, find_platoons
-from cacc_platoon.analysis.reading.raw import BagError, Progress, RawTopic, one_line
+from cacc_platoon.analysis.reading.raw import BagError, Progress, one_line
 from cacc_platoon.analysis.reading.signals import Floats, Signal, decode, rows_in_stamp_order
 from cacc_platoon.model import RecordedMotion
-from cacc_platoon.parameters import ScenarioError
-from cacc_platoon.run_folder import INFO_FILE, SCENARIO_FILE
+from cacc_platoon.run_folder import INFO_FILE
 from cacc_platoon.scenario import Scenario
-from cacc_platoon.scenario_file import parse_scenario
 from cacc_platoon.simulation import Trajectory
 from msg_adapters.recording import TopicRecord, digest_of
-from msg_adapters.topics import PlatoonTopics, Topic
+from msg_adapters.topics import Topic
 
 _NAMED_TOPICS = 3
 
@@ -101,18 +103,10 @@ def read_run(
     platoons = find_platoons(raw.topics)
     if not any(platoon.messages for platoon in platoons):
         raise BagError(f"{bag}: {_why_no_platoon(raw)}")
-    notes = list(raw.damage)
-    platoon = _choose(platoons, bag, namespace, scenario or _scenario_for(raw, None, None, []))
+    notes = [*_unfinished(info), *raw.damage]
+    platoon = _choose(platoons, bag, namespace, scenario or recorded_scenario(raw, None, None, []))
     notes += _other_platoons(platoons, platoon, raw)
-    given = scenario is not None
-    scenario = scenario or _scenario_for(raw, platoon.prefix, folder, notes)
-    if scenario is None:
-        why = next((f" ({note})" for note in notes if "scenario" in note), "")
-        raise BagError(
-            f"{bag}: holds no scenario that can be read{why}, so d, h_w and the gains are unknown. "
-            "Give the run's parameters with --scenario FILE."
-        )
-    scenario = _fit(scenario, platoon, notes, given)
+    scenario = _scenario(raw, platoon, folder, scenario, notes)
     topics = expected_topics(platoon.prefix, scenario.indices)
     signals, faults = _decode_all(raw, topics, notes)
     if not any(len(signal.stamps) for signal in signals.values()):
@@ -127,7 +121,7 @@ def read_run(
             f"the digest is {run_digest[:12]}, but {recorded[:12]} was written when the run ended: "
             "the messages are not those that were recorded"
         )
-    cut = _cut(scenario, grid, notes)
+    cut = cut_to_samples(scenario, grid, notes)
     return RecordedRun(
         bag,
         _trajectory(cut, columns),
@@ -151,6 +145,32 @@ def _read_info(folder: Path | None, raw: RawBag) -> dict[str, Any]:
         raw.damage.append(f"{INFO_FILE} is damaged and left out")
         return {}
     return document if isinstance(document, dict) else {}
+
+
+def _scenario(
+    raw: RawBag,
+    platoon: FoundPlatoon,
+    folder: Path | None,
+    given: Scenario | None,
+    notes: list[str],
+) -> Scenario:
+    """Return the parameters of the chosen platoon."""
+    scenario = given or recorded_scenario(raw, platoon.prefix, folder, notes)
+    if scenario is None:
+        why = next((f" ({note})" for note in notes if "scenario" in note), "")
+        raise BagError(
+            f"{raw.path}: holds no scenario that can be read{why}, so d, h_w and the gains are "
+            "unknown. Give the run's parameters with --scenario FILE."
+        )
+    return fit_to_topics(scenario, platoon, notes, given is not None)
+
+
+def _unfinished(info: Mapping[str, Any]) -> list[str]:
+    """Say what run.json says of a run that did not end well."""
+    status, message = info.get("status"), info.get("message")
+    if status in (None, "finished"):
+        return []
+    return [f"the run {status}: {message}" if message else f"the run {status}"]
 
 
 def _why_no_platoon(raw: RawBag) -> str:
@@ -189,56 +209,6 @@ def _other_platoons(
                 f"a second platoon, {platoon.prefix or '/'} ({len(platoon.vehicles)} vehicles, "
                 f"{platoon.messages} messages), is in the bag and left out; --namespace chooses it"
             )
-
-
-def _scenario_for(
-    raw: RawBag, prefix: str | None, folder: Path | None, notes: list[str]
-) -> Scenario | None:
-    """Return the scenario that the bag, its metadata or its folder carries, the first readable."""
-    texts: list[tuple[str, str]] = []
-    for name, parts in raw.topics.items():
-        if name.endswith("/scenario") and (
-            prefix is None or name == PlatoonTopics(prefix).scenario
-        ):
-            texts += [(name, text) for part in parts for text in _strings(part)]
-    if "scenario" in raw.custom_data:
-        texts.append(("metadata.yaml: scenario", raw.custom_data["scenario"]))
-    file = folder / SCENARIO_FILE if folder else None
-    if file and file.is_file():
-        texts.append((str(file), file.read_text(encoding="utf-8", errors="replace")))
-    for source, text in texts:
-        try:
-            scenario = parse_scenario(text, source)
-        except ScenarioError as error:
-            notes.append(f"the scenario in the bag is damaged: {error}")
-            continue
-        name = folder.resolve().name if folder else raw.path.resolve().name
-        return dataclasses.replace(scenario, name=name)
-    return None
-
-
-def _strings(part: RawTopic) -> Iterator[str]:
-    """Yield the text of each std_msgs/String."""
-    for data in part.messages():
-        if len(data) >= 8:
-            (length,) = struct.unpack_from("<I", data, 4)
-            yield data[8 : 8 + length].rstrip(b"\0").decode(errors="replace")
-
-
-def _fit(scenario: Scenario, platoon: FoundPlatoon, notes: list[str], given: bool) -> Scenario:
-    """Return the scenario with the topics' namespace, and as many vehicles when it was given."""
-    found, followers, indices = max(platoon.vehicles), scenario.platoon.followers, scenario.indices
-    first, last = indices[0], indices[-1]
-    if given and found != last and found >= first and not isinstance(scenario.vehicle.tau, tuple):
-        overrides = {i: own for i, own in scenario.overrides.items() if i <= found}
-        scenario = dataclasses.replace(scenario, overrides=overrides)
-        followers = found - first + 1
-    elif found > last:
-        notes.append(
-            f"vehicles {last + 1} to {found} are in the bag but not in the scenario; left out"
-        )
-    place = dataclasses.replace(scenario.platoon, namespace=platoon.prefix, followers=followers)
-    return dataclasses.replace(scenario, platoon=place)
 
 
 def _decode_all(
@@ -285,26 +255,6 @@ def _columns(
         else:
             columns[role] = np.full(grid.samples, np.nan)
     return columns
-
-
-def _cut(scenario: Scenario, grid: Grid, notes: list[str]) -> Scenario:
-    """Return the scenario with the step and the duration of what is there."""
-    run = scenario.run
-    if grid.step != scenario.step_ns:
-        notes.append(
-            f"stamps are {grid.step / 1e9:g} s apart where the scenario has {run.step:g} s"
-        )
-        run = dataclasses.replace(run, step=grid.step / 1e9)
-    elif not grid.exact:
-        notes.append("stamps are on no common grid (wall time); values are interpolated to one")
-    elif grid.samples != scenario.samples:
-        notes.append(
-            f"the run has {grid.samples} samples ({(grid.samples - 1) * run.step:g} s) of the "
-            f"scenario's {scenario.samples} ({run.duration:g} s)"
-        )
-    if grid.samples != scenario.samples:
-        run = dataclasses.replace(run, duration=(grid.samples - 1) * run.step)
-    return dataclasses.replace(scenario, run=run)
 
 
 def _trajectory(scenario: Scenario, columns: Mapping[Role, Floats]) -> Trajectory:

@@ -1,0 +1,90 @@
+"""The parameters of a recorded run: where a bag tells them, and how they fit what is there."""
+
+from __future__ import annotations
+
+import dataclasses
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+
+from cacc_platoon.analysis.reading.files import RawBag
+from cacc_platoon.analysis.reading.grid import Grid
+from cacc_platoon.analysis.reading.platoon import FoundPlatoon
+from cacc_platoon.analysis.reading.raw import RawTopic
+from cacc_platoon.parameters import ScenarioError
+from cacc_platoon.run_folder import SCENARIO_FILE
+from cacc_platoon.scenario import Scenario
+from cacc_platoon.scenario_file import parse_scenario
+from msg_adapters.topics import PlatoonTopics
+
+
+def recorded_scenario(
+    raw: RawBag, prefix: str | None, folder: Path | None, notes: list[str]
+) -> Scenario | None:
+    """Return the scenario that the bag, its metadata or its folder carries, the first readable."""
+    texts: list[tuple[str, str]] = []
+    for name, parts in raw.topics.items():
+        if name.endswith("/scenario") and (
+            prefix is None or name == PlatoonTopics(prefix).scenario
+        ):
+            texts += [(name, text) for part in parts for text in _strings(part)]
+    if "scenario" in raw.custom_data:
+        texts.append(("metadata.yaml: scenario", raw.custom_data["scenario"]))
+    file = folder / SCENARIO_FILE if folder else None
+    if file and file.is_file():
+        texts.append((str(file), file.read_text(encoding="utf-8", errors="replace")))
+    for source, text in texts:
+        try:
+            scenario = parse_scenario(text, source)
+        except ScenarioError as error:
+            notes.append(f"the scenario in the bag is damaged: {error}")
+            continue
+        name = folder.resolve().name if folder else raw.path.resolve().name
+        return dataclasses.replace(scenario, name=name)
+    return None
+
+
+def fit_to_topics(
+    scenario: Scenario, platoon: FoundPlatoon, notes: list[str], given: bool
+) -> Scenario:
+    """Return the scenario with the topics' namespace, and as many vehicles when it was given."""
+    found, followers, indices = max(platoon.vehicles), scenario.platoon.followers, scenario.indices
+    first, last = indices[0], indices[-1]
+    if given and found != last and found >= first and not isinstance(scenario.vehicle.tau, tuple):
+        overrides = {i: own for i, own in scenario.overrides.items() if i <= found}
+        scenario = dataclasses.replace(scenario, overrides=overrides)
+        followers = found - first + 1
+    elif found > last:
+        notes.append(
+            f"vehicles {last + 1} to {found} are in the bag but not in the scenario; left out"
+        )
+    place = dataclasses.replace(scenario.platoon, namespace=platoon.prefix, followers=followers)
+    return dataclasses.replace(scenario, platoon=place)
+
+
+def cut_to_samples(scenario: Scenario, grid: Grid, notes: list[str]) -> Scenario:
+    """Return the scenario with the step and the duration of what is there."""
+    run = scenario.run
+    if grid.step != scenario.step_ns:
+        notes.append(
+            f"stamps are {grid.step / 1e9:g} s apart where the scenario has {run.step:g} s"
+        )
+        run = dataclasses.replace(run, step=grid.step / 1e9)
+    elif not grid.exact:
+        notes.append("stamps are on no common grid (wall time); values are interpolated to one")
+    elif grid.samples != scenario.samples:
+        notes.append(
+            f"the run has {grid.samples} samples ({(grid.samples - 1) * run.step:g} s) of the "
+            f"scenario's {scenario.samples} ({run.duration:g} s)"
+        )
+    if grid.samples != scenario.samples:
+        run = dataclasses.replace(run, duration=(grid.samples - 1) * run.step)
+    return dataclasses.replace(scenario, run=run)
+
+
+def _strings(part: RawTopic) -> Iterator[str]:
+    """Yield the text of each std_msgs/String."""
+    for data in part.messages():
+        if len(data) >= 8:
+            (length,) = struct.unpack_from("<I", data, 4)
+            yield data[8 : 8 + length].rstrip(b"\0").decode(errors="replace")
