@@ -74,10 +74,14 @@ def run_topics(scenario: Scenario) -> list[Topic]:
     return digest_topics(platoon.namespace, platoon.followers, platoon.first_follower)
 
 
+STRANGERS_LAG = 500
+"""Samples that a subscriber outside of the platoon, whom nobody waits for, may lag without loss."""
+
+
 def queue_depth(window: int, followers: int) -> int:
     """Return the depth of every queue: deeper than anything the lockstep window lets pile up.
 
     The leader is at most `window` samples ahead of the last complete sample, and a follower may
     lag the leader by one sample a vehicle more.
     """
-    return 2 * window + followers
+    return 2 * window + followers + STRANGERS_LAG

@@ -1,14 +1,15 @@
 """Fast DDS files in /dev/shm: which are ours, and removing those of the dead.
 
-A process owns a segment or port for as long as it holds its lock file `<name>_el` open. Every
+A living process keeps the file `<name>_el` of each segment and port that it owns locked. Every
 host notes what it uses in a file below the temporary folder. A process that was killed leaves
 its note behind, and the segments it owned or sent to; the next process of ours removes them, by
-name, and only what no living process owns.
+name, and only what no living process has locked.
 """
 
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import json
 import os
 import tempfile
@@ -18,31 +19,15 @@ from pathlib import Path
 SHARED_MEMORY = Path("/dev/shm")
 _PREFIXES = ("fastrtps_", "fastdds_")
 _LOCK = "_el"
+_MAPS = Path("/proc/self/maps")
 
 
-def owned_segments(pid: int | str) -> set[str]:
-    """Return the names of the Fast DDS segments and ports that a process owns."""
-    names = set()
-    with contextlib.suppress(OSError):
-        for link in Path(f"/proc/{pid}/fd").iterdir():
-            with contextlib.suppress(OSError):
-                names.add(str(link.readlink()))
-    return _segments(names)
-
-
-def used_segments(pid: int | str) -> set[str]:
-    """Return the names of those that a process owns or has mapped, which is where it sends to."""
-    names = set()
-    with contextlib.suppress(OSError):
-        maps = Path(f"/proc/{pid}/maps").read_text()
-        names = {line.split(maxsplit=5)[-1] for line in maps.splitlines()}
-    return owned_segments(pid) | _segments(names)
-
-
-def _segments(paths: set[str]) -> set[str]:
+def used_segments() -> set[str]:
+    """Return the names of the Fast DDS segments and ports that this process owns or sends to."""
+    paths = (Path(line.split(maxsplit=5)[-1]) for line in _MAPS.read_text().splitlines())
     return {
-        path.name.removesuffix(_LOCK)
-        for path in map(Path, paths)
+        path.name
+        for path in paths
         if path.parent == SHARED_MEMORY and path.name.startswith(_PREFIXES)
     }
 
@@ -51,7 +36,7 @@ def note_segments() -> None:
     """Write down what this process uses, so that others can remove it if it is killed."""
     folder = _notes()
     folder.mkdir(mode=0o700, exist_ok=True)
-    content = {"start": _start_time(os.getpid()), "segments": sorted(used_segments(os.getpid()))}
+    content = {"start": _start_time(os.getpid()), "segments": sorted(used_segments())}
     temporary = folder / f"{os.getpid()}.new"
     temporary.write_text(json.dumps(content))
     temporary.replace(folder / f"{os.getpid()}.json")
@@ -63,14 +48,14 @@ def cleared_segments() -> Iterator[None]:
 
     Fast DDS leaves a port behind when sender and owner end at the same time, or one was killed.
     """
-    used = used_segments(os.getpid())
+    used = used_segments()
     yield
     (_notes() / f"{os.getpid()}.json").unlink(missing_ok=True)
-    remove_unowned(used)
+    _remove_unowned(used)
 
 
 def sweep() -> list[str]:
-    """Remove what dead processes of ours left in shared memory; return the names removed."""
+    """Remove what dead processes of ours left in shared memory; return the files removed."""
     orphans: set[str] = set()
     for note in sorted(_notes().glob("*.json")):
         try:
@@ -80,22 +65,45 @@ def sweep() -> list[str]:
         if _start_time(int(note.stem)) != content["start"]:
             orphans.update(content["segments"])
             note.unlink(missing_ok=True)
-    return remove_unowned(orphans)
+    return _remove_unowned(orphans)
 
 
-def remove_unowned(names: set[str]) -> list[str]:
-    """Remove those segments and ports that no living process owns; return the files removed."""
-    if not names:
+def leftovers() -> set[str]:
+    """Return the names of all segments and ports, whoever made them, that nobody owns."""
+    files = (file.name for file in SHARED_MEMORY.iterdir() if file.name.startswith(_PREFIXES))
+    found = set()
+    for name in {file.removesuffix(_LOCK) for file in files}:
+        lock = SHARED_MEMORY / f"{name}{_LOCK}"
+        with contextlib.suppress(BlockingIOError):
+            if lock.exists():
+                with lock.open("ab") as handle:
+                    fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            found.add(name)
+    return found
+
+
+def _remove_unowned(names: set[str]) -> list[str]:
+    return [file for name in sorted(names) for file in _remove(name)]
+
+
+def _remove(name: str) -> list[str]:
+    """Remove one segment or port with its lock and its mutex, holding the lock meanwhile.
+
+    Whoever wants to open it in that moment fails to lock it and takes another.
+    """
+    lock = SHARED_MEMORY / f"{name}{_LOCK}"
+    files = (SHARED_MEMORY / name, SHARED_MEMORY / f"sem.{name}_mutex", lock)
+    if not any(file.exists() for file in files):
         return []
-    owned = set().union(*(owned_segments(p.name) for p in Path("/proc").glob("[0-9]*")))
-    removed: list[str] = []
-    for name in sorted(names - owned):
-        for member in (name, f"{name}{_LOCK}", f"sem.{name}_mutex"):
-            file = SHARED_MEMORY / member
-            if file.exists():
-                file.unlink(missing_ok=True)
-                removed.append(member)
-    return removed
+    with lock.open("ab") as handle:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return []
+        removed = [file for file in files if file.exists()]
+        for file in removed:
+            file.unlink(missing_ok=True)
+    return [file.name for file in removed]
 
 
 def _notes() -> Path:

@@ -1,6 +1,7 @@
 """Only what belongs to the dead is removed."""
 
 import json
+import mmap
 import os
 import subprocess
 import sys
@@ -11,10 +12,13 @@ import pytest
 from cacc_platoon.nodes import shared_memory
 
 HOLD = """
-import sys
-file = open(sys.argv[1], "w")
+import fcntl, sys
+folder, name = sys.argv[1:]
+lock = open(f"{folder}/{name}_el", "w")
+fcntl.flock(lock, fcntl.LOCK_EX)
 from cacc_platoon.nodes import shared_memory
-shared_memory.SHARED_MEMORY = shared_memory.Path(sys.argv[2])
+shared_memory.SHARED_MEMORY = shared_memory.Path(folder)
+shared_memory.used_segments = lambda: {name}
 shared_memory.note_segments()
 print("noted", flush=True)
 sys.stdin.read()
@@ -34,7 +38,7 @@ def hold(folder: Path, name: str) -> "subprocess.Popen[str]":
     (folder / name).write_text("")
     (folder / f"sem.{name}_mutex").write_text("")
     holder = subprocess.Popen(
-        [sys.executable, "-c", HOLD, str(folder / f"{name}_el"), str(folder)],
+        [sys.executable, "-c", HOLD, str(folder), name],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
@@ -49,7 +53,7 @@ def test_segments_of_the_living_stay_and_of_the_dead_go(folder: Path) -> None:
     with hold(folder, "fastrtps_aaaa") as living, hold(folder, "fastrtps_bbbb") as dead:
         dead.kill()
         dead.wait()
-        assert shared_memory.sweep() == [
+        assert sorted(shared_memory.sweep()) == [
             "fastrtps_bbbb",
             "fastrtps_bbbb_el",
             "sem.fastrtps_bbbb_mutex",
@@ -67,8 +71,19 @@ def test_a_process_that_got_the_number_of_a_dead_one_is_not_taken_for_it(folder:
     note = notes / f"{os.getpid()}.json"
     note.write_text(json.dumps({"start": "1", "segments": ["fastrtps_cccc"]}))
     (folder / "fastrtps_cccc").write_text("")
-    assert shared_memory.sweep() == ["fastrtps_cccc"]
+    assert "fastrtps_cccc" in shared_memory.sweep()
     assert not note.exists()
+
+
+def test_what_is_mapped_is_found() -> None:
+    before = shared_memory.used_segments()
+    path = shared_memory.SHARED_MEMORY / f"fastrtps_test_{os.getpid()}"
+    path.write_bytes(b"x" * mmap.PAGESIZE)
+    try:
+        with path.open("rb") as file, mmap.mmap(file.fileno(), 0, prot=mmap.PROT_READ):
+            assert shared_memory.used_segments() - before == {path.name}
+    finally:
+        path.unlink()
 
 
 def test_what_others_left_is_not_touched(folder: Path) -> None:

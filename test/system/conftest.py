@@ -7,28 +7,17 @@ from typing import Any
 
 import pytest
 
-from cacc_platoon.nodes.shared_memory import SHARED_MEMORY, owned_segments
+from cacc_platoon.nodes.shared_memory import leftovers
 from cacc_platoon.testing import Platoon
 
 CONFIG = Path(__file__).parents[2] / "config"
 PAPER_A = CONFIG / "paper_a.yaml"
 
 
-def segments() -> set[str]:
-    """Names of Fast DDS files in shared memory that no living process owns."""
-    owned = {name for p in Path("/proc").glob("[0-9]*") for name in owned_segments(p.name)}
-    names = {path.name for path in SHARED_MEMORY.iterdir() if "fastrtps_" in path.name}
-    return {
-        name
-        for name in names
-        if name.removeprefix("sem.").removesuffix("_mutex").removesuffix("_el") not in owned
-    }
-
-
 @pytest.fixture
 def platoon(tmp_path: Path) -> Iterator[Callable[..., Platoon]]:
     """Start platoons of case A; afterwards nothing of them may be left."""
-    before = segments()
+    before = leftovers()
     with ExitStack() as stack:
         platoons: list[Platoon] = []
 
@@ -43,4 +32,4 @@ def platoon(tmp_path: Path) -> Iterator[Callable[..., Platoon]]:
         yield start
     for made in platoons:
         made.wait_gone()
-    assert segments() - before == set()
+    assert leftovers() - before == set()

@@ -11,6 +11,7 @@ from geometry_msgs.msg import AccelStamped, PoseStamped, TwistStamped
 from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from rclpy.task import Future
 
 
 def main() -> None:
@@ -36,8 +37,17 @@ def main() -> None:
         subscribe(name, kind)
     executor = EventsExecutor()
     executor.add_node(node)
-    while min(counts.values()) < samples:
-        executor.spin_once(timeout_sec=60.0)
+    subscriptions = list(node.subscriptions)
+    while sum(subscription.get_publisher_count() > 0 for subscription in subscriptions) < 50:
+        executor.spin_once(timeout_sec=0.1)
+    print("listening", flush=True)
+    heard = -1
+    while min(counts.values()) < samples and sum(counts.values()) > heard:
+        heard = sum(counts.values())
+        executor.spin_until_future_complete(Future(), timeout_sec=5.0)
+    if min(counts.values()) < samples:
+        print({name: count for name, count in counts.items() if count < samples})
+        return
     lines = sorted(f"{name} {value.hexdigest()}\n" for name, value in hashes.items())
     print(hashlib.sha256("".join(lines).encode()).hexdigest())
 

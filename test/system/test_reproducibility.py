@@ -154,7 +154,7 @@ def test_a_gain_of_one_vehicle_changes_what_is_downstream(platoon: Start) -> Non
 
 
 def test_an_outside_subscriber_sees_the_same_bits(platoon: Start, expected: str) -> None:
-    run = platoon(*SHORT, "run.spawn=false")
+    run = platoon(*SHORT, "run.by_hand=[vehicle_1/noise_relay]", "run.real_time_factor=5", hosts=2)
     listener = subprocess.Popen(
         [sys.executable, str(LISTENER), "12", "2001"],
         env=run.environment(),
@@ -162,8 +162,9 @@ def test_an_outside_subscriber_sees_the_same_bits(platoon: Start, expected: str)
         text=True,
     )
     try:
-        for node in run.scenario.node_names:
-            run.start(node)
+        assert listener.stdout is not None
+        assert listener.stdout.readline() == "listening\n"
+        run.start("vehicle_1/noise_relay")
         result = run.result()
         output, _ = listener.communicate(timeout=60)
     finally:

@@ -1,0 +1,64 @@
+"""A platoon grown piece by piece on real nodes: 6 + 6 are 12, bit for bit."""
+
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+
+from rosbags.rosbag2 import Reader
+
+from cacc_platoon.testing import Platoon
+from msg_adapters.recording import digest, recording_of
+from msg_adapters.topics import digest_topics
+
+Start = Callable[..., Platoon]
+SHORT = ("run.duration=12", "leader.start=1")
+REAR = ("platoon.followers=6", "platoon.first_follower=7", "leader.profile=bag")
+
+
+def topic_hashes(bag: Path) -> dict[str, str]:
+    """Hash every vehicle's topics as they stand in the bag."""
+    found: dict[str, list[bytes]] = {}
+    with Reader(bag) as reader:
+        for connection, _, data in reader.messages():
+            if "/vehicle_" in connection.topic:
+                found.setdefault(connection.topic, []).append(bytes(data))
+    return {name: hashlib.sha256(b"".join(data)).hexdigest() for name, data in found.items()}
+
+
+def finished(run: Platoon) -> Platoon:
+    result = run.result()
+    assert result.status == "finished", result.errors
+    return run
+
+
+def test_six_and_six_are_twelve(platoon: Start) -> None:
+    whole = finished(platoon(*SHORT, hosts=2))
+    front = finished(platoon(*SHORT, "platoon.followers=6", hosts=2))
+    rear = finished(platoon(*SHORT, *REAR, f"leader.file={front.folder.path}", hosts=2))
+    twelve, six = topic_hashes(whole.folder.bag), topic_hashes(rear.folder.bag)
+    assert set(six) == {topic.name for topic in digest_topics("/platoon", 6, first=7)}
+    for name, found in six.items():
+        assert found == twelve[name], name
+    led = rear.folder.scenario().leader
+    assert (led.vehicle, led.file) == (6, str(front.folder.path))
+    trajectory = rear.result().trajectory()
+    again = digest(recording_of(trajectory), "/platoon", 6, first=7)
+    assert rear.result().digest == again
+
+
+def test_a_recorded_leader_may_be_started_by_hand(platoon: Start) -> None:
+    front = finished(platoon(*SHORT, "run.duration=3", "platoon.followers=2"))
+    settings = ("run.duration=3", "platoon.followers=1", "platoon.first_follower=2")
+    source = ("leader.profile=bag", f"leader.file={front.folder.path}", "leader.vehicle=1")
+    rear = platoon(*settings, *source, "run.by_hand=[vehicle_1/leader]")
+    rear.start("vehicle_1/leader")
+    finished(rear)
+    before, after = topic_hashes(front.folder.bag), topic_hashes(rear.folder.bag)
+    assert {name: before[name] for name in after} == after
+
+
+def test_a_bag_that_cannot_lead_starts_nothing(platoon: Start, tmp_path: Path) -> None:
+    result = platoon(*REAR, f"leader.file={tmp_path / 'nowhere'}").result()
+    assert result.exit_code == 2
+    assert "is not there, and only it holds the leader's motion" in result.errors
+    assert not result.folder.path.exists()
