@@ -1,4 +1,4 @@
-"""What `ros2 bag play --topics` does, for machines without it: publishes a bag's messages as stored.
+"""What `ros2 bag play --topics` does, where there is none: publishes messages as stored.
 
     bag_player.py BAG PACE TOPIC...
 

@@ -11,7 +11,7 @@ from msg_adapters.recording import digest, recording_of
 from msg_adapters.topics import digest_topics
 
 Start = Callable[..., Platoon]
-SHORT = ("run.duration=12", "leader.start=1")
+SHORT = ("run.duration=8", "leader.start=1")
 REAR = ("platoon.followers=6", "platoon.first_follower=7", "leader.profile=bag")
 
 

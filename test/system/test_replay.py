@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import signal
 import struct
@@ -89,32 +90,17 @@ def test_a_node_says_the_same_again(
     )
 
 
-@pytest.mark.parametrize(
-    ("topic", "arguments"),
-    [
-        ("pose", ("--vehicle", 2)),
-        ("twist", ("--vehicle", 2)),
-        ("accel", ("--vehicle", 2)),
-        ("v2v/accel", ("--vehicle", 2, "--node", "noise_relay")),
-    ],
-)
-def test_one_flipped_bit_is_found(
-    recorded: Path, tmp_path: Path, topic: str, arguments: tuple[object, ...]
-) -> None:
+@pytest.mark.parametrize(("topic", "node"), [("twist", "vehicle"), ("v2v/accel", "noise_relay")])
+def test_one_flipped_bit_is_found(recorded: Path, tmp_path: Path, topic: str, node: str) -> None:
     name = f"/platoon/vehicle_2/{topic}"
-    result = replay(flipped(recorded, tmp_path / "copy", name, 345), *arguments, "--json")
+    copy = flipped(recorded, tmp_path / "copy", name, 345)
+    result = replay(copy, "--vehicle", 2, "--node", node)
     assert result.returncode == 1, result.stderr
-    found = json.loads(result.stdout)["first_difference"]
-    assert (found["topic"], found["sample"], found["time"]) == (name, 345, 3.45)
-    assert found["recorded"] != found["replayed"]
-    assert abs(found["recorded"] - found["replayed"]) <= 2 * np.spacing(abs(found["replayed"]))
-
-
-def test_a_flipped_bit_is_told_in_one_line(recorded: Path, tmp_path: Path) -> None:
-    copy = flipped(recorded, tmp_path / "copy", "/platoon/vehicle_1/twist", 300)
-    result = replay(copy, "--vehicle", 1)
-    assert result.returncode == 1
-    assert result.stdout.startswith("/platoon/vehicle_1/twist differs first at sample 300 (3 s): ")
+    assert result.stdout.startswith(f"{name} differs first at sample 345 (3.45 s): recorded ")
+    values = re.search(r"recorded (\S+) \S+, replayed (\S+) ", result.stdout)
+    assert values, result.stdout
+    before, after = map(float, values.groups())
+    assert 0.0 < abs(before - after) <= 2 * np.spacing(abs(after))
     assert "the bag was altered after the run" in result.stdout
     assert result.stdout.count("\n") == 1
 
@@ -183,7 +169,7 @@ def test_a_node_that_fails_is_named(recorded: Path, tmp_path: Path) -> None:
     assert result.stderr.count("\n") == 1
 
 
-@pytest.mark.parametrize("pace", ["1", "4", "inf", "by-topic"])
+@pytest.mark.parametrize("pace", ["1", "inf", "by-topic"])
 def test_a_bag_played_from_outside_gives_the_recorded_bits(tmp_path: Path, pace: str) -> None:
     """As docs/replay.md describes for `ros2 bag play`; the node has no supervisor."""
     scenario = load_scenario(PAPER_A, DEEP)
