@@ -32,7 +32,10 @@ EXACT_TEST = (
 )
 PAPER_TEST = "paper's Theorem 2: h_w > h_lb(k_a) and (k_p, k_v) in S = S1 and S2, sufficient only"
 L2_NAME = "L2 string stability (H-infinity norm of H, paper's condition (3))"
-LINF_NAME = "L-infinity (L1 norm of the impulse response of H, bounds the ratio of peaks)"
+LINF_NAME = (
+    "L-infinity: L1 norm of the impulse response of H, at tau0 and both ends of I; bounds the "
+    "ratio of peaks of a_i, and of delta_i between equal followers"
+)
 
 _ABSURD = 100.0  # a mean of w that only damaged data can have
 

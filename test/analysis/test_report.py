@@ -187,6 +187,24 @@ def test_killed_before_anything_was_recorded(tmp_path, scenario, capsys):
     assert "before anything was recorded" in capsys.readouterr().err
 
 
+def test_collision_is_said_at_the_top(bags, tmp_path):
+    """The leader brakes hard and nobody heeds it."""
+    braking = bags.scenario(
+        {
+            "leader.profile": "brake",
+            "leader.deceleration": 8.0,
+            "run.duration": 20.0,
+            "controller.k_v": 0.01,
+            "controller.k_a": 0.0,
+        }
+    )
+    report = report_run(bags.run(tmp_path / "run", braking).path, runs=0)
+    follower, time = report.measured.first_collision
+    assert f"COLLISION of vehicle {follower} at {time:g} s" in report.summary()
+    page = (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
+    assert page.index("<b>Collision</b>") < page.index("What the verdict rests on")
+
+
 def test_report_that_cannot_be_written(run_folder, tmp_path, capsys):
     (tmp_path / "file").write_text("in the way")
     assert main(["report", str(run_folder), "-o", str(tmp_path / "file")]) == 2

@@ -22,6 +22,11 @@ def verdict_section(report: Report) -> str:
     kind = "good" if verdict.certified else "bad"
     sign = "&#10003;" if verdict.certified else "&#10007;"
     lines = [f"<p>{html.escape(_meaning(report))}</p>"]
+    if collided := report.measured.first_collision:
+        lines.append(
+            f"<p><b>Collision</b> of vehicle {collided[0]} with the one ahead at "
+            f"{collided[1]:g} s.</p>"
+        )
     lines += [f"<p><b>Void for this run:</b> {html.escape(why)}.</p>" for why in verdict.void]
     return (
         f'<header class="verdict {kind}"><h1>{sign} {html.escape(verdict.headline.capitalize())}'
@@ -82,7 +87,7 @@ def _certificate_rows(report: Report) -> Iterator[tuple[str, str, str]]:
         f"exact test (L2) of the loop under zero-order hold at {report.run.grid.step / 1e9:g} s",
     )
     largest = report.metrics["verdict"]["linf_gain"]
-    yield "Largest ratio of peaks per hop", _g(largest), LINF_NAME
+    yield "Ratio of peaks per hop, at most", _g(largest), LINF_NAME
     if not verdict.equal_links:
         yield (
             "Unequal followers",
