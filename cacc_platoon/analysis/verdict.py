@@ -8,19 +8,21 @@ from typing import NamedTuple
 
 from cacc_platoon.analysis.consistency import Consistency
 from cacc_platoon.analysis.noise import LinkNoise
+from cacc_platoon.analysis.reasons import (
+    broken_premises,
+    failing_condition,
+    paper_bound_hint,
+    sampled_too_slowly,
+)
 from cacc_platoon.design import (
     Link,
     certify_chain,
-    headway_bound,
     in_paper_region,
     is_internally_stable,
     is_robustly_string_stable,
     is_sampled_string_stable,
     is_string_stable,
-    k_a_max,
     linf_gain,
-    minimum_headway,
-    propagation_margins,
     worst_l2_gain,
 )
 from cacc_platoon.design.paper import effective_interval
@@ -155,6 +157,7 @@ def judge(
             seen[key] = _judge_follower(follower, scenario.run.step)
         verdicts.append(_realised(seen[key], follower, mean))
     stable = all(verdict.string_stable for verdict in verdicts)
+    lost = [one.follower for one in verdicts if one.string_stable and not one.sampled]
     equal = len(seen) == 1 and len({(f.tau, f.v2v) for f in scenario.followers}) == 1
     law = (
         "delta_i = H delta_{i-1} for i >= 2, equal followers"
@@ -166,7 +169,7 @@ def judge(
         all(verdict.in_paper_region for verdict in verdicts),
         f"{EXACT_TEST}; {law}; {L2_NAME}",
         equal,
-        tuple(_void(noise or [], consistency)),
+        (*sampled_too_slowly(scenario, lost), *broken_premises(noise or [], consistency)),
         tuple(verdicts),
         max(verdicts, key=lambda verdict: (not verdict.string_stable, verdict.l2_gain)),
         _end_to_end(scenario, verdicts),
@@ -188,7 +191,7 @@ def _judge_follower(follower: Follower, step: float) -> FollowerVerdict:
         max(linf_gain(gains, tau_max, k) for k in ends),
         math.nan,
         None,
-        _reason(follower),
+        failing_condition(follower),
     )
 
 
@@ -202,52 +205,6 @@ def _realised(verdict: FollowerVerdict, follower: Follower, mean: float) -> Foll
         realised_k=k,
         realised_stable=is_string_stable(follower.gains, follower.tau, k),
     )
-
-
-def _reason(follower: Follower) -> str:
-    """Say which condition fails, by value and rule."""
-    gains, rho, tau_max = follower.gains, follower.v2v.rho, follower.tau_max
-    if is_robustly_string_stable(gains, rho, tau_max):
-        return ""
-    low, high = effective_interval(gains.k_a, rho)
-    if not is_internally_stable(gains, tau_max):
-        return (
-            f"not internally stable: k_v + h_w k_p must exceed tau0 k_p, with tau0 = {tau_max:g} s"
-        )
-    if high >= 1.0:
-        return f"k_a = {gains.k_a:g} reaches the cap 1/(1 + 1/rho) = {k_a_max(rho):.6g}"
-    shortest = minimum_headway(gains.k_a, rho, tau_max)
-    if gains.time_headway < shortest:
-        return (
-            f"h_w = {gains.time_headway:g} s is below {shortest:.6g} s = 2 tau0/(1 + (1 - 1/rho) "
-            "k_a), where no gains are string stable"
-        )
-    margins = [(k, propagation_margins(gains, tau_max, k)) for k in (low, high)]
-    k, worst = min(margins, key=lambda pair: min(pair[1].C, pair[1].margin))
-    name, value = ("C", worst.C) if worst.C < 0 else ("B + 2 tau sqrt(C)", worst.margin)
-    return f"{name} = {value:.4g} < 0 at k_a E[w] = {k:g}, tau0 = {tau_max:g} s"
-
-
-def _void(noise: list[LinkNoise], consistency: Consistency | None) -> list[str]:
-    """Say why a certificate does not cover the run."""
-    reasons = []
-    broken = [link for link in noise if link.breaches]
-    if broken:
-        first = min(broken, key=lambda link: link.first_breach)
-        samples = sum(link.breaches for link in broken)
-        reasons.append(
-            f"the channel left 1 - 1/rho <= w <= 1 + 1/rho on {len(broken)} of {len(noise)} links "
-            f"({samples} samples), first on link {first.follower - 1} -> {first.follower} at "
-            f"{first.first_breach:g} s"
-        )
-    if consistency and consistency.departures:
-        follower, time, apart = min(consistency.departures, key=lambda item: item[1])
-        reasons.append(
-            f"vehicle {follower} departs from its scenario's equations at {time:g} s by "
-            f"{apart:.3g} ({len(consistency.departures)} vehicles in all): other gains, another "
-            "law, or data that were altered"
-        )
-    return reasons
 
 
 def _end_to_end(scenario: Scenario, verdicts: list[FollowerVerdict]) -> float:
@@ -270,22 +227,13 @@ def warn_if_not_string_stable(scenario: Scenario) -> str | None:
     """
     verdict = judge(scenario)
     if verdict.string_stable:
-        return None
+        return f"{scenario.name}: {verdict.void[0]}. Lower run.step." if verdict.void else None
     failing = [one.follower for one in verdict.followers if not one.string_stable]
     followers = scenario.followers
     place = scenario.indices.index(failing[0])
-    bound = _paper_bound(followers[place])
+    bound = paper_bound_hint(followers[place])
     who = "" if len(failing) == len(followers) else f" (vehicle {failing[0]})"
     return (
         f"{scenario.name} is not string stable{who}: {verdict.followers[place].reason}; "
         f"disturbances may grow along the platoon, sup|H| = {verdict.weakest.l2_gain:.6g}.{bound}"
     )
-
-
-def _paper_bound(follower: Follower) -> str:
-    """Say the headway from which the paper promises gains, where it does."""
-    gains, rho = follower.gains, follower.v2v.rho
-    if effective_interval(gains.k_a, rho).high >= 1.0:
-        return " Lower k_a or raise rho."
-    bound = headway_bound(gains.k_a, rho, follower.tau_max)
-    return f" The paper's bound for this k_a is h_w > {bound:.6g} s."

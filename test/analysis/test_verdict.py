@@ -81,6 +81,18 @@ def test_mixed_platoon_is_certified_on_accelerations():
     assert "0.714286 s" in warning
 
 
+def test_a_period_that_is_too_long_voids_the_certificate():
+    """docs/theory.md, section 3: A loses robust string stability at T = 95.9 ms."""
+    settings = {"run.step": 0.1, "run.duration": 20.0}
+    verdict = judge(case_scenario(CASES[0], settings))
+    assert verdict.string_stable
+    assert not verdict.certified
+    assert "sampled every 0.1 s" in verdict.void[0]
+    assert "0.09587 s" in verdict.void[0]
+    assert "Lower run.step" in warn_if_not_string_stable(case_scenario(CASES[0], settings))
+    assert judge(case_scenario(CASES[0], {**settings, "run.step": 0.08})).certified
+
+
 def test_warning_is_one_line_and_only_where_due():
     assert warn_if_not_string_stable(case_scenario(CASES[0])) is None
     warning = warn_if_not_string_stable(case_scenario(CASES[1]))
