@@ -29,6 +29,9 @@ SCENARIO_FILE = "scenario.yaml"
 INFO_FILE = "run.json"
 BAG = "bag"
 PARTS = "parts"
+UNFINISHED = "unfinished"
+BYTES_PER_MESSAGE = 300
+"""Disk that a message takes while the bag is written: in its part, in the bag, in its index."""
 
 
 def default_run_folder(scenario: Scenario) -> Path:
@@ -66,6 +69,7 @@ class RunFolder:
             )
         try:
             (path / PARTS).mkdir(parents=True)
+            _refuse_full_disk(path, scenario)
             (path / SCENARIO_FILE).write_text(format_scenario(scenario), encoding="utf-8")
         except OSError as error:
             raise UserError(
@@ -104,8 +108,9 @@ class RunFolder:
         """
         prefix = scenario.platoon.namespace
         run_digest = digest_of(recording, [topic.name for topic in run_topics(scenario)])
+        shutil.rmtree(self.path / UNFINISHED, ignore_errors=True)
         write_bag(
-            self.bag,
+            self.path / UNFINISHED / BAG,
             recording,
             step_ns=scenario.step_ns,
             depth=queue_depth(scenario.run.window, scenario.platoon.followers),
@@ -114,6 +119,8 @@ class RunFolder:
             custom_data={"digest": run_digest, "cacc_platoon": __version__},
             progress=progress,
         )
+        (self.path / UNFINISHED / BAG).rename(self.bag)
+        (self.path / UNFINISHED).rmdir()
         document = {
             **info,
             "digest": run_digest,
@@ -125,6 +132,18 @@ class RunFolder:
         (self.path / INFO_FILE).write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
         shutil.rmtree(self.parts, ignore_errors=True)
         return document
+
+
+def _refuse_full_disk(path: Path, scenario: Scenario) -> None:
+    """Raise UserError, and remove the folder, when the run cannot fit on its disk."""
+    needed = len(run_topics(scenario)) * scenario.samples * BYTES_PER_MESSAGE
+    free = shutil.disk_usage(path).free
+    if free < needed:
+        shutil.rmtree(path)
+        raise UserError(
+            f"{path}: has {free / 2**20:.0f} MiB free but the run takes up to "
+            f"{needed / 2**20:.0f} MiB, it would be lost. Choose another disk with -o or make room."
+        )
 
 
 def versions() -> dict[str, str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 from collections.abc import Iterable, Mapping
@@ -131,9 +132,10 @@ class PartWriter:
                 file.flush()
 
     def close(self) -> None:
-        """Flush and close; harmless when done twice."""
+        """Flush and close as far as the disk lets it; harmless when done twice."""
         for file in self._files.values():
-            file.close()
+            with contextlib.suppress(OSError):
+                file.close()
 
 
 def read_parts(folders: list[Path]) -> dict[str, TopicRecord]:

@@ -90,6 +90,9 @@ def run_and_judge(scenario: Scenario, output: Path | None, options: argparse.Nam
         print(f"platoon: {outcome.status}: {outcome.message}", file=sys.stderr)
         print(f"platoon: what was recorded until then is in {folder}", file=sys.stderr)
         return stop.exit_code or FAILED
+    if stop.received():
+        print(f"platoon: the run is complete in {folder}; not judged", file=sys.stderr)
+        return stop.exit_code
     if options.no_report:
         return DONE
     with ProgressLine() as progress:

@@ -58,7 +58,10 @@ class RecorderNode(Node):  # type: ignore[misc]
 
     def flush(self) -> None:
         """Hand what was recorded to the operating system."""
-        self._part.flush()
+        try:
+            self._part.flush()
+        except OSError as error:
+            self.failures.append(f"{self.folder}: cannot be written: {error.strerror}")
 
     def close(self) -> None:
         """Close the part."""
@@ -68,7 +71,7 @@ class RecorderNode(Node):  # type: ignore[misc]
         write = self._part.writers[topic.name]
         unpack, size, step = _STAMP.unpack_from, topic.codec.size, self.scenario.step_ns
         samples, name, last, stride = self.samples, topic.name, self._last, self._stride
-        mark, failures = self._mark, self.failures
+        mark, failures, folder = self._mark, self.failures, self.folder
 
         def receive(data: bytes) -> None:
             seconds, nanoseconds = unpack(data)
@@ -81,7 +84,11 @@ class RecorderNode(Node):  # type: ignore[misc]
                     "publisher"
                 )
                 return
-            write(data)
+            try:
+                write(data)
+            except OSError as error:
+                failures.append(f"{folder}: cannot be written: {error.strerror}")
+                return
             samples[name] = k + 1
             if k % stride == 0 or k == last:
                 mark(k)

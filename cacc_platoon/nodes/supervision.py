@@ -110,12 +110,14 @@ def run_platoon(
     if status == FAILED:
         samples = {name: len(record.messages) for name, record in recording.items()}
         message = "; ".join([message, *silent, diagnose(scenario, samples)])
-    info = folder.finish(
-        scenario,
-        recording,
-        {"status": status, "message": message, **supervision.measured()},
-        lambda k, n: observe("writing the bag", k, n),
-    )
+    info = {"status": status, "message": message, **supervision.measured()}
+    try:
+        info = folder.finish(
+            scenario, recording, info, lambda k, n: observe("writing the bag", k, n)
+        )
+    except OSError as error:
+        unwritten = f"the bag could not be written ({error.strerror}); `platoon report` tries again"
+        return Outcome(FAILED, "; ".join(filter(None, [message, unwritten])), info)
     return Outcome(status, message, info)
 
 

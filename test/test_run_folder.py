@@ -1,0 +1,70 @@
+"""A run folder is never half a run: it can be finished, or it says why not."""
+
+import shutil
+from collections import namedtuple
+from pathlib import Path
+
+import pytest
+from rosbags.rosbag2 import Reader
+
+from cacc_platoon.errors import UserError
+from cacc_platoon.run_folder import RunFolder
+from cacc_platoon.scenario import Scenario
+from cacc_platoon.simulation import simulate
+from msg_adapters.recording import PartWriter, recording_of
+from msg_adapters.topics import run_topics
+
+SCENARIO = Scenario.from_values({"run.duration": 10.0, "platoon.followers": 2}, None, "short")
+Usage = namedtuple("Usage", "total used free")
+
+
+def recorded(path: Path) -> RunFolder:
+    """Return a folder whose parts hold a whole run."""
+    folder = RunFolder.create(path, SCENARIO)
+    part = PartWriter(folder.parts / "host_0", run_topics(SCENARIO))
+    for name, record in recording_of(simulate(SCENARIO)).items():
+        for message in record.messages:
+            part.writers[name](message.tobytes())
+    part.close()
+    return folder
+
+
+def test_a_run_that_does_not_fit_on_its_disk_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: Usage(2**30, 2**30 - 2**20, 2**20))
+    with pytest.raises(UserError, match=r"has 1 MiB free but the run takes up to 3 MiB"):
+        RunFolder.create(tmp_path / "run", SCENARIO)
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_finished_folder_holds_the_bag_and_no_parts(tmp_path: Path) -> None:
+    folder = recorded(tmp_path / "run")
+    info = folder.finish(SCENARIO, folder.recording(), {"status": "finished"})
+    assert sorted(p.name for p in folder.path.iterdir()) == ["bag", "run.json", "scenario.yaml"]
+    assert set(info["messages"].values()) == {1001}
+    with Reader(folder.bag) as reader:
+        assert reader.message_count == 11 * 1001 + 1
+
+
+def test_writing_that_is_interrupted_can_be_done_again(tmp_path: Path) -> None:
+    folder = recorded(tmp_path / "run")
+
+    def interrupt(done: int, _: int) -> None:
+        if done:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        folder.finish(SCENARIO, folder.recording(), {}, interrupt)
+    assert not folder.bag.exists()
+    folder.finish(SCENARIO, folder.recording(), {"status": "finished"})
+    with Reader(folder.bag) as reader:
+        assert reader.message_count == 11 * 1001 + 1
+
+
+def test_a_message_cut_short_at_the_end_of_a_part_is_left_out(tmp_path: Path) -> None:
+    folder = recorded(tmp_path / "run")
+    victim = folder.parts / "host_0" / "0003.cdr"
+    victim.write_bytes(victim.read_bytes()[:-5])
+    lengths = sorted(len(record.messages) for record in folder.recording().values())
+    assert lengths == [1000] + [1001] * 10
