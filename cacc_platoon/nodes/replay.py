@@ -65,6 +65,38 @@ def run_node(plan: NodePlan, lifeline: Connection) -> None:
     sys.exit(serve([node], session, None, stop, lifeline.poll))
 
 
+class Feeder:
+    """Gives samples out, never more than a window ahead of their answers.
+
+    Parameters
+    ----------
+    samples, window : int
+        How many there are, and how many may be without an answer.
+    give : callable
+        Called with each sample, in order.
+
+    Examples
+    --------
+    >>> given = []
+    >>> feeder = Feeder(samples=5, window=2, give=given.append)
+    >>> feeder.advance(done=0)
+    >>> feeder.advance(done=1)
+    >>> given
+    [0, 1, 2]
+    """
+
+    def __init__(self, samples: int, window: int, give: Callable[[int], None]) -> None:
+        self._samples, self._window, self._give = samples, window, give
+        self._given = 0
+
+    def advance(self, done: int) -> None:
+        """Give what may be given when `done` samples are answered."""
+        limit = min(done + self._window, self._samples)
+        while self._given < limit:
+            self._give(self._given)
+            self._given += 1
+
+
 class ReplayerNode(Node):  # type: ignore[misc]
     """Publishes what was recorded, as far as the window allows, and keeps the answers.
 
@@ -89,8 +121,8 @@ class ReplayerNode(Node):  # type: ignore[misc]
         super().__init__("replayer", namespace=namespace, use_global_arguments=False)
         self.answers: dict[str, list[bytes]] = {topic.name: [] for topic in outputs}
         self.samples = samples
-        self._window, self._step_ns = scenario.run.window, scenario.step_ns
-        self._fed = 0
+        self._feeder = Feeder(samples, scenario.run.window, self._publish)
+        self._step_ns = scenario.step_ns
         profile = qos.stream(scenario)
         own = VehicleTopics(namespace, index)
         self._lost = self.create_publisher(Int64, own.complete, profile)
@@ -114,15 +146,15 @@ class ReplayerNode(Node):  # type: ignore[misc]
 
     def advance(self) -> None:
         """Publish the samples that the window allows."""
-        limit = min(self.done + self._window, self.samples)
-        while self._fed < limit:
-            for publisher, messages, lossy in self._feed:
-                message = messages[self._fed]
-                if message is not None:
-                    publisher.publish(message)
-                elif lossy:
-                    self._lost.publish(Int64(data=self._fed * self._step_ns))
-            self._fed += 1
+        self._feeder.advance(self.done)
+
+    def _publish(self, sample: int) -> None:
+        for publisher, messages, lossy in self._feed:
+            message = messages[sample]
+            if message is not None:
+                publisher.publish(message)
+            elif lossy:
+                self._lost.publish(Int64(data=sample * self._step_ns))
 
     def _receiver(self, answers: list[bytes]) -> Callable[[bytes], None]:
         def receive(data: bytes) -> None:

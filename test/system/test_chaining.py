@@ -32,8 +32,9 @@ def finished(run: Platoon) -> Platoon:
 
 
 def test_six_and_six_are_twelve(platoon: Start) -> None:
-    whole = finished(platoon(*SHORT, hosts=2))
-    front = finished(platoon(*SHORT, "platoon.followers=6", hosts=2))
+    front = platoon(*SHORT, "platoon.followers=6", hosts=2)
+    whole = platoon(*SHORT, hosts=2)
+    finished(front), finished(whole)
     rear = finished(platoon(*SHORT, *REAR, f"leader.file={front.folder.path}", hosts=2))
     twelve, six = topic_hashes(whole.folder.bag), topic_hashes(rear.folder.bag)
     assert set(six) == {topic.name for topic in digest_topics("/platoon", 6, first=7)}

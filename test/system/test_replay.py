@@ -1,5 +1,6 @@
 """A recorded vehicle again, on a real node: by `platoon replay`, and by a player from outside."""
 
+import contextlib
 import json
 import os
 import re
@@ -139,12 +140,14 @@ def test_what_if_begins_in_the_recorded_state(recorded: Path, trajectory: Trajec
     plant, law = follower.plant(0.01), follower.law()
     ahead = zip(trajectory.position[:, 2], trajectory.velocity[:, 2], strict=True)
     state = State(trajectory.position[0, 3], trajectory.velocity[0, 3], 0.0)
-    gaps = []
+    gaps, errors = [], []
     for (position, velocity), received in zip(ahead, trajectory.received[:, 2], strict=True):
         gaps.append(position - state.position)
+        errors.append(abs(law.spacing_error(state.position, state.velocity, position)))
         command = law.command(state.position, state.velocity, position, velocity, received)
         state = plant.advance(state, command)
-    assert json.loads(result.stdout)["replayed"]["min_gap"] == min(gaps)
+    answer = json.loads(result.stdout)["replayed"]
+    assert (answer["min_gap"], answer["max_abs_spacing_error"]) == (min(gaps), max(errors))
 
 
 def test_a_bag_that_was_cut_short_is_replayed_as_far_as_it_goes(
@@ -167,6 +170,39 @@ def test_a_node_that_fails_is_named(recorded: Path, tmp_path: Path) -> None:
     assert (result.returncode, result.stdout) == (1, "")
     assert "vehicle_1: command at" in result.stderr
     assert result.stderr.count("\n") == 1
+
+
+def processes_with(mark: str) -> dict[int, int]:
+    """Return the processes that have a mark in their environment, with their parents."""
+    found = {}
+    for process in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            if mark.encode() in (process / "environ").read_bytes().split(b"\0"):
+                fields = (process / "stat").read_text().rpartition(")")[2].split()
+                found[int(process.name)] = int(fields[1])
+    return found
+
+
+def test_a_node_that_hangs_is_named_and_ended(tmp_path: Path) -> None:
+    settings = (*SHORT, "run.duration=1", "run.start_timeout=2")
+    run = simulate_run(load_scenario(PAPER_A, settings), tmp_path / "run")
+    command = [sys.executable, "-m", "cacc_platoon", "replay", str(run.path), "--vehicle", "1"]
+    mark = f"REPLAY_TEST={tmp_path}"
+    environment = {**os.environ, **dict([mark.split("=")])}
+    process = subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + PATIENCE
+    node: list[int] = []
+    while not node:  # the node's process is the child of a child: of the server that forks
+        assert time.monotonic() < deadline
+        parents = processes_with(mark)
+        servers = [pid for pid, parent in parents.items() if parent == process.pid]
+        node = [pid for pid, parent in parents.items() if parent in servers]
+    os.kill(node[0], signal.SIGSTOP)
+    _, errors = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 1
+    assert errors.startswith("platoon: vehicle_1/vehicle has not appeared")
+    while processes_with(mark):
+        assert time.monotonic() < deadline
 
 
 @pytest.mark.parametrize("pace", ["1", "inf", "by-topic"])
