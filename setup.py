@@ -7,7 +7,7 @@ from pathlib import Path
 from setuptools import find_packages, setup
 
 NAME = "cacc_platoon"
-NODES = ("leader", "vehicle", "noise_relay", "recorder")
+NODES = ("leader", "vehicle", "noise_relay", "recorder", "markers")
 PIP_COMMANDS = {"dist_info", "bdist_wheel", "editable_wheel"}
 
 here = Path(__file__).resolve().parent
@@ -44,6 +44,7 @@ setup(
             "ros-jazzy-rclpy[fastrtps]",
             "ros-jazzy-geometry-msgs",
             "ros-jazzy-std-msgs",
+            "ros-jazzy-visualization-msgs",
         ],
         "test": [
             "codespell",

@@ -293,6 +293,14 @@ class Platoon:
         self.wait(lambda: publisher.get_subscription_count() > 0, PATIENCE, "a subscriber")
         return lambda stamp, x: publisher.publish(topic.codec.encode(stamp, x))
 
+    def subscribe(self, message_type: type, topic: str, receive: Callable[[Any], None]) -> None:
+        """Call a function with the messages of any topic, while the harness waits."""
+        self._node.create_subscription(message_type, topic, receive, 10)
+
+    def publishers_of(self, topic: str) -> int:
+        """Return how many publishers a topic has."""
+        return int(self._node.count_publishers(topic))
+
     def result(self, timeout: float = 2 * PATIENCE) -> Result:
         """Wait until the command has ended and return how."""
         process = self._processes["supervisor"]

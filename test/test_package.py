@@ -100,7 +100,9 @@ def test_pip_requirements_are_what_the_code_imports(setup_arguments):
 def test_every_executable_has_its_function(setup_arguments):
     executables = setup_arguments()["entry_points"]["console_scripts"]
     names = {entry.partition(" = ")[0] for entry in executables}
-    assert names == {"leader", "vehicle", "noise_relay", "recorder", "supervisor", "platoon"}
+    assert names == {
+        *("leader", "vehicle", "noise_relay", "recorder", "markers", "supervisor", "platoon"),
+    }
     for entry in executables:
         module, _, function = entry.partition(" = ")[2].partition(":")
         assert callable(getattr(importlib.import_module(module), function))

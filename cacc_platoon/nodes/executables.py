@@ -15,7 +15,8 @@ from rclpy.signals import SignalHandlerOptions
 
 from cacc_platoon.errors import UserError
 from cacc_platoon.model import ControlLaw
-from cacc_platoon.nodes.host import published_topics, serve
+from cacc_platoon.nodes.executor import create_executor, spin_for
+from cacc_platoon.nodes.host import POLL_PERIOD, published_topics, serve
 from cacc_platoon.nodes.leader import LeaderNode
 from cacc_platoon.nodes.node import RECORD_PARAMETER, PlatoonNode
 from cacc_platoon.nodes.noise_relay import NoiseRelayNode
@@ -36,6 +37,13 @@ Run the {name} node of one vehicle, as a host of its own.
 
 The vehicle's index comes from the namespace. The node waits for the supervisor (started with
 -p run.spawn:=false) and ends when the run does. With record it records what it publishes."""
+
+MARKERS_HELP = """\
+Draw a platoon for RViz: a box and a number for each vehicle, on <prefix>/markers.
+
+  ros2 run cacc_platoon markers --ros-args -r __ns:=/platoon --params-file config/paper_a.yaml
+
+Works beside a run and beside `ros2 bag play`; config/ holds an RViz configuration."""
 
 RECORDER_HELP = """\
 Record the topics of a whole platoon, for nodes started by hand that do not record themselves.
@@ -160,3 +168,26 @@ def supervisor_parameters() -> dict[str, Any]:
     if namespace != "/":
         values.setdefault("platoon.namespace", namespace)
     return values
+
+
+def markers() -> int:
+    """Draw a platoon for RViz until a signal ends it."""
+    if asked_for_help(MARKERS_HELP):
+        return 0
+    try:
+        from cacc_platoon.nodes.markers import MarkerNode  # noqa: PLC0415  (optional package)
+    except ModuleNotFoundError as error:
+        print(f"markers: {error}. It needs visualization_msgs; install it.", file=sys.stderr)
+        return BAD_INPUT
+    stop = StopSignal(signal.SIGINT, signal.SIGTERM)
+    node = start(MarkerNode)
+    if node is None:
+        return BAD_INPUT
+    executor = create_executor()
+    executor.add_node(node)
+    while not stop.received():
+        spin_for(executor, POLL_PERIOD)
+    executor.shutdown()
+    node.destroy_node()
+    rclpy.try_shutdown()
+    return 0

@@ -12,7 +12,7 @@ from cacc_platoon.scenario_file import load_scenario
 from cacc_platoon.testing import own_domain
 
 ROOT = Path(__file__).parents[2]
-EXECUTABLES = ["leader", "noise_relay", "platoon", "recorder", "supervisor", "vehicle"]
+EXECUTABLES = ["leader", "markers", "noise_relay", "platoon", "recorder", "supervisor", "vehicle"]
 
 
 @pytest.fixture(scope="module")

@@ -135,7 +135,9 @@ def test_a_recorder_without_a_folder() -> None:
     assert_refused(executable("recorder", "-r", "__ns:=/platoon"), "record:=DIR")
 
 
-@pytest.mark.parametrize("kind", ["leader", "vehicle", "noise_relay", "recorder", "supervisor"])
+@pytest.mark.parametrize(
+    "kind", ["leader", "vehicle", "noise_relay", "recorder", "markers", "supervisor"]
+)
 def test_help_of_the_executables(kind: str) -> None:
     done = executable(kind, "--help")
     assert done.returncode == 0
