@@ -2,7 +2,7 @@
 # PYTHON=/path/to/python chooses the interpreter; otherwise tools/find_python looks for one.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint clean FORCE
+.PHONY: help setup demo paper test lint clean FORCE
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -36,6 +36,9 @@ demo: setup ## run case A of the paper on ROS 2 nodes, record it, judge it
 	@set -e; run="$(DEMO)-$$(date -u +%Y%m%dT%H%M%SZ)"; \
 	$(BIN)/platoon run config/paper_a.yaml -o "$$run"; \
 	echo; echo "Open $$run/report.html in a browser to see the run."
+
+paper: setup ## repeat the paper: its three cases on ROS 2 nodes, every figure, a comparison
+	$(BIN)/platoon paper
 
 test: lint ## check the style and types, then run every test
 	$(BIN)/python -m pytest
