@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import dataclasses
 import json
 import os
 import signal
@@ -15,8 +16,10 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from cacc_platoon.cli.console import libraries_on_stderr
 from cacc_platoon.cli.exit_codes import DONE, FAILED
 from cacc_platoon.cli.progress import ProgressLine
+from cacc_platoon.cli.run import ROS_MODULES
 from cacc_platoon.errors import UserError
 from cacc_platoon.signals import StopSignal
 
@@ -93,11 +96,11 @@ def _replay(
     record: NodeRecord, scenario: Scenario, options: argparse.Namespace, stop: StopSignal
 ) -> Mapping[str, list[bytes]]:
     """Run the node in a domain of its own and return its messages."""
-    import dataclasses  # noqa: PLC0415
-
     try:
         from cacc_platoon.nodes import launcher  # noqa: PLC0415  (needs ROS)
     except ImportError as error:
+        if error.name not in ROS_MODULES:
+            raise
         raise UserError(
             f"platoon replay: {error}. It needs ROS 2: source its setup file or see Install in the "
             "README; platoon simulate runs a scenario without ROS."
@@ -112,7 +115,11 @@ def _replay(
         initial = State(*(float(stream.values(1)[0]) for stream in record.outputs))
     plan = plan_replay(dataclasses.replace(scenario, run=run), record.node, record.index, initial)
     outputs = [stream.topic for stream in record.outputs]
-    with _domain(options.domain), ProgressLine(scenario.run.step) as progress:
+    with (
+        libraries_on_stderr(),
+        _domain(options.domain),
+        ProgressLine(scenario.run.step) as progress,
+    ):
         launcher.prepare()
         try:
             return replay_node(

@@ -11,6 +11,7 @@ import signal
 import sys
 from pathlib import Path
 
+from cacc_platoon.cli.console import libraries_on_stderr
 from cacc_platoon.cli.exit_codes import DONE, FAILED
 from cacc_platoon.cli.judge import add_verdict_arguments, conclude, warn_before
 from cacc_platoon.cli.progress import ProgressLine
@@ -78,14 +79,15 @@ def run_and_judge(scenario: Scenario, output: Path | None, options: argparse.Nam
             f"platoon run: {error}. It needs ROS 2: source its setup file or see Install in the "
             "README; platoon simulate runs the same scenario without ROS."
         ) from error
-    launcher.prepare()
-    from cacc_platoon.analysis import report_run  # noqa: PLC0415  (heavy)
-    from cacc_platoon.nodes.session import FINISHED  # noqa: PLC0415
-    from cacc_platoon.nodes.supervision import run_platoon  # noqa: PLC0415
+    with libraries_on_stderr():
+        launcher.prepare()
+        from cacc_platoon.analysis import report_run  # noqa: PLC0415  (heavy)
+        from cacc_platoon.nodes.session import FINISHED  # noqa: PLC0415
+        from cacc_platoon.nodes.supervision import run_platoon  # noqa: PLC0415
 
-    warn_before(scenario)
-    with ProgressLine(scenario.run.step) as progress:
-        outcome = run_platoon(scenario, folder, progress, stop.received)
+        warn_before(scenario)
+        with ProgressLine(scenario.run.step) as progress:
+            outcome = run_platoon(scenario, folder, progress, stop.received)
     if outcome.status != FINISHED:
         print(f"platoon: {outcome.status}: {outcome.message}", file=sys.stderr)
         print(f"platoon: what was recorded until then is in {folder}", file=sys.stderr)

@@ -9,6 +9,7 @@ import signal
 import struct
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -47,14 +48,24 @@ def trajectory() -> Trajectory:
 
 @pytest.fixture(autouse=True)
 def nothing_left() -> Iterator[None]:
-    before = leftovers()
+    """Nothing stays in shared memory; what others use there at the moment comes and goes."""
+    before, pause = leftovers(), threading.Event()
     yield
-    assert leftovers() - before == set()
+    deadline = time.monotonic() + PATIENCE
+    while left := leftovers() - before:
+        assert time.monotonic() < deadline, left
+        pause.wait(0.2)
 
 
 def replay(*arguments: object) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "cacc_platoon", "replay", *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE)
+
+
+def own_lines(errors: str) -> list[str]:
+    """Return what we said; Fast DDS complains there when others use its shared memory too."""
+    assert "Traceback" not in errors
+    return [line for line in errors.splitlines() if line.startswith("platoon: ")]
 
 
 def flipped(run: Path, copy: Path, topic: str, sample: int) -> Path:
@@ -84,11 +95,9 @@ def test_a_node_says_the_same_again(
     recorded: Path, arguments: tuple[object, ...], messages: int
 ) -> None:
     result = replay(recorded, *arguments)
-    assert (result.returncode, result.stdout, result.stderr) == (
-        0,
-        f"{messages} messages identical\n",
-        "",
-    )
+    assert result.returncode == 0, result.stderr
+    assert result.stdout == f"{messages} messages identical\n"
+    assert own_lines(result.stderr) == []
 
 
 @pytest.mark.parametrize(("topic", "node"), [("twist", "vehicle"), ("v2v/accel", "noise_relay")])
@@ -168,8 +177,8 @@ def test_a_node_that_fails_is_named(recorded: Path, tmp_path: Path) -> None:
     """Gains beyond all bounds let the node's command overflow."""
     result = replay(recorded, "--vehicle", 1, "--set", "controller.k_p=1e300")
     assert (result.returncode, result.stdout) == (1, "")
-    assert "vehicle_1: command at" in result.stderr
-    assert result.stderr.count("\n") == 1
+    (line,) = own_lines(result.stderr)
+    assert "vehicle_1: command at" in line
 
 
 def processes_with(mark: str) -> dict[int, int]:
@@ -200,7 +209,8 @@ def test_a_node_that_hangs_is_named_and_ended(tmp_path: Path) -> None:
     os.kill(node[0], signal.SIGSTOP)
     _, errors = process.communicate(timeout=PATIENCE)
     assert process.returncode == 1
-    assert errors.startswith("platoon: vehicle_1/vehicle has not appeared")
+    (line,) = own_lines(errors)
+    assert line.startswith("platoon: vehicle_1/vehicle has not appeared for 2 s")
     while processes_with(mark):
         assert time.monotonic() < deadline
 
