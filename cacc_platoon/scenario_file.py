@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import io
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -77,7 +78,14 @@ def parse_scenario(
     values = assign(sections, Graph(prefix, range(first, first + followers)), source)
     for name, value in set_values.items():
         _apply_setting(name, value, values)
-    return Scenario.from_values(values.common, values.overrides, source, folder)
+    scenario = Scenario.from_values(values.common, values.overrides, source, folder)
+    return dataclasses.replace(scenario, name=scenario_name(text) or scenario.name)
+
+
+def scenario_name(text: str) -> str | None:
+    """Return the name that `format_scenario` gave a scenario, None for any other file."""
+    named = re.match(r"# Scenario (\S.*)\n", text)
+    return named[1] if named else None
 
 
 def format_scenario(scenario: Scenario) -> str:
@@ -92,6 +100,7 @@ def format_scenario(scenario: Scenario) -> str:
         pattern = f"{scenario.platoon.namespace}/vehicle_{index}/*"
         document[pattern] = {SECTION: nest(section)}
     buffer = io.StringIO()
+    buffer.write(f"# Scenario {scenario.name}\n")
     yaml = YAML(typ="safe", pure=True)
     yaml.default_flow_style = None
     yaml.width = 100

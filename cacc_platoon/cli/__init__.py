@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import os
 import sys
 from collections.abc import Sequence
 from types import ModuleType
 
 from cacc_platoon import __version__
-from cacc_platoon.cli.exit_codes import BAD_INPUT, INTERRUPTED
+from cacc_platoon.cli.exit_codes import BAD_INPUT, FAILED, INTERRUPTED
 from cacc_platoon.errors import UserError
 
 VERBS = ("design", "run", "simulate", "report", "replay", "paper", "parameters", "doctor")
@@ -21,9 +22,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     try:
         code: int = options.verb.run(options)
+        sys.stdout.flush()
     except UserError as error:
         print(f"platoon: {error}", file=sys.stderr)
         return BAD_INPUT
+    except BrokenPipeError:  # the reader of our output has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return FAILED
     except KeyboardInterrupt:
         print("platoon: interrupted", file=sys.stderr)
         return INTERRUPTED

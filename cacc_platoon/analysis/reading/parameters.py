@@ -14,7 +14,7 @@ from cacc_platoon.analysis.reading.raw import RawTopic
 from cacc_platoon.parameters import ScenarioError
 from cacc_platoon.run_folder import SCENARIO_FILE
 from cacc_platoon.scenario import Scenario
-from cacc_platoon.scenario_file import parse_scenario
+from cacc_platoon.scenario_file import parse_scenario, scenario_name
 from msg_adapters.topics import PlatoonTopics
 
 
@@ -40,7 +40,7 @@ def recorded_scenario(
             notes.append(f"the scenario in the bag is damaged: {error}")
             continue
         name = folder.resolve().name if folder else raw.path.resolve().name
-        return dataclasses.replace(scenario, name=name)
+        return dataclasses.replace(scenario, name=scenario_name(text) or name)
     return None
 
 
