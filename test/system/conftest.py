@@ -1,5 +1,7 @@
 """Real platoons for tests: small, short, and watched for what they leave behind."""
 
+import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -12,12 +14,23 @@ from cacc_platoon.testing import Platoon
 
 CONFIG = Path(__file__).parents[2] / "config"
 PAPER_A = CONFIG / "paper_a.yaml"
+PATIENCE = 30.0
 
 
 @pytest.fixture
-def platoon(tmp_path: Path) -> Iterator[Callable[..., Platoon]]:
+def nothing_left() -> Iterator[None]:
+    """Nothing stays in shared memory; what others use there at the moment comes and goes."""
+    before, pause = leftovers(), threading.Event()
+    yield
+    deadline = time.monotonic() + PATIENCE
+    while left := leftovers() - before:
+        assert time.monotonic() < deadline, left
+        pause.wait(0.2)
+
+
+@pytest.fixture
+def platoon(nothing_left: None, tmp_path: Path) -> Iterator[Callable[..., Platoon]]:
     """Start platoons of case A; afterwards nothing of them may be left."""
-    before = leftovers()
     with ExitStack() as stack:
         platoons: list[Platoon] = []
 
@@ -32,4 +45,3 @@ def platoon(tmp_path: Path) -> Iterator[Callable[..., Platoon]]:
         yield start
     for made in platoons:
         made.wait_gone()
-    assert leftovers() - before == set()

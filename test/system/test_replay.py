@@ -9,9 +9,7 @@ import signal
 import struct
 import subprocess
 import sys
-import threading
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +18,6 @@ from rosbags.rosbag2 import Reader
 
 from cacc_platoon.cli.simulate import simulate_run
 from cacc_platoon.model import State
-from cacc_platoon.nodes.shared_memory import leftovers
 from cacc_platoon.scenario_file import load_scenario
 from cacc_platoon.simulation import Trajectory, simulate
 from cacc_platoon.testing import own_domain
@@ -33,6 +30,8 @@ SHORT = ("run.duration=6", "leader.start=0.5", "leader.amplitude=2", "platoon.fo
 DEEP = (*SHORT, "run.duration=3", "run.window=1000")
 PATIENCE = 60.0
 
+pytestmark = pytest.mark.usefixtures("nothing_left")
+
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -44,17 +43,6 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def trajectory() -> Trajectory:
     return simulate(load_scenario(PAPER_A, SHORT))
-
-
-@pytest.fixture(autouse=True)
-def nothing_left() -> Iterator[None]:
-    """Nothing stays in shared memory; what others use there at the moment comes and goes."""
-    before, pause = leftovers(), threading.Event()
-    yield
-    deadline = time.monotonic() + PATIENCE
-    while left := leftovers() - before:
-        assert time.monotonic() < deadline, left
-        pause.wait(0.2)
 
 
 def replay(*arguments: object) -> subprocess.CompletedProcess[str]:
