@@ -16,7 +16,7 @@ SCENARIO_FILES = {
     "scenario_file",
 }
 ROS = {"rclpy", "geometry_msgs", "std_msgs", "rosgraph_msgs", "rcl_interfaces", "diagnostic_msgs"}
-ROS |= {"builtin_interfaces"}
+ROS |= {"builtin_interfaces", "visualization_msgs"}
 
 
 class Room(NamedTuple):

@@ -7,15 +7,15 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
-import signal
 import sys
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from cacc_platoon.cli.console import libraries_on_stderr
 from cacc_platoon.cli.exit_codes import DONE, FAILED
 from cacc_platoon.cli.progress import ProgressLine
+from cacc_platoon.cli.ros import prepare_nodes, require_ros
 from cacc_platoon.cli.simulate import simulate_run
 from cacc_platoon.errors import UserError
 from cacc_platoon.signals import StopSignal
@@ -50,7 +50,9 @@ def run(options: argparse.Namespace) -> int:
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise UserError(f"{folder}: exists and is not empty, {EMPTY}")
     scenarios = {case.name: case_scenario(case, {"run.seed": options.seed}) for case in CASES}
-    stop = None if options.simulate else _prepare_nodes()
+    if not options.simulate:
+        require_ros("paper", "platoon paper --simulate does")
+    stop = None if options.simulate else prepare_nodes()
     reports = {}
     for name, scenario in scenarios.items():
         path = folder / f"case_{name.lower()}"
@@ -71,27 +73,6 @@ def run(options: argparse.Namespace) -> int:
     return DONE if result.agrees else FAILED
 
 
-def _prepare_nodes() -> StopSignal:
-    """Get ready to start nodes; from now on signals end the run that goes on, in good order.
-
-    Raises
-    ------
-    UserError
-        When ROS is not there.
-    """
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    try:
-        from cacc_platoon.nodes import launcher  # noqa: PLC0415  (needs ROS)
-    except ImportError as error:
-        raise UserError(
-            f"platoon paper: {error}. It needs ROS 2: source its setup file or see Install in the "
-            "README; platoon paper --simulate does without."
-        ) from error
-    stop = StopSignal(signal.SIGINT, signal.SIGTERM, insist=True)
-    launcher.prepare()
-    return stop
-
-
 def _run_on_nodes(scenario: Scenario, path: Path, stop: StopSignal) -> bool:
     """Run one case; say why when it did not finish."""
     from cacc_platoon.nodes.session import FINISHED  # noqa: PLC0415  (needs ROS)
@@ -99,7 +80,7 @@ def _run_on_nodes(scenario: Scenario, path: Path, stop: StopSignal) -> bool:
 
     if stop.received():
         return False
-    with ProgressLine(scenario.run.step) as progress:
+    with libraries_on_stderr(), ProgressLine(scenario.run.step) as progress:
         outcome = run_platoon(scenario, path, progress, stop.received)
     if outcome.status != FINISHED:
         print(f"platoon: {scenario.name}: {outcome.status}: {outcome.message}", file=sys.stderr)

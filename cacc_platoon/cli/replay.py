@@ -10,7 +10,6 @@ import contextlib
 import dataclasses
 import json
 import os
-import signal
 import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -19,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 from cacc_platoon.cli.console import libraries_on_stderr
 from cacc_platoon.cli.exit_codes import DONE, FAILED
 from cacc_platoon.cli.progress import ProgressLine
-from cacc_platoon.cli.run import ROS_MODULES
+from cacc_platoon.cli.ros import prepare_nodes, require_ros
 from cacc_platoon.errors import UserError
 from cacc_platoon.signals import StopSignal
 
@@ -74,12 +73,14 @@ def run(options: argparse.Namespace) -> int:
             progress=progress,
         )
     scenario = changed_scenario(record, options.set) if options.set else record.scenario
-    stop = StopSignal(signal.SIGINT, signal.SIGTERM, insist=True)
-    try:
-        replayed = _replay(record, scenario, options, stop)
-    except _FailedError as failure:
-        print(f"platoon: {failure}", file=sys.stderr)
-        return stop.exit_code or FAILED
+    require_ros("replay", "platoon simulate runs a scenario")
+    with _domain(options.domain):
+        stop = prepare_nodes()
+        try:
+            replayed = _replay(record, scenario, options, stop)
+        except _FailedError as failure:
+            print(f"platoon: {failure}", file=sys.stderr)
+            return stop.exit_code or FAILED
     document, lines, code = _answer(record, scenario, replayed, options)
     if options.json:
         print(json.dumps(document, indent=1, allow_nan=False))
@@ -95,16 +96,7 @@ class _FailedError(Exception):
 def _replay(
     record: NodeRecord, scenario: Scenario, options: argparse.Namespace, stop: StopSignal
 ) -> Mapping[str, list[bytes]]:
-    """Run the node in a domain of its own and return its messages."""
-    try:
-        from cacc_platoon.nodes import launcher  # noqa: PLC0415  (needs ROS)
-    except ImportError as error:
-        if error.name not in ROS_MODULES:
-            raise
-        raise UserError(
-            f"platoon replay: {error}. It needs ROS 2: source its setup file or see Install in the "
-            "README; platoon simulate runs a scenario without ROS."
-        ) from error
+    """Run the node and return its messages."""
     from cacc_platoon.model import State  # noqa: PLC0415
     from cacc_platoon.nodes.replay import plan_replay, replay_node  # noqa: PLC0415
     from cacc_platoon.nodes.supervision import RunFailedError  # noqa: PLC0415
@@ -115,12 +107,7 @@ def _replay(
         initial = State(*(float(stream.values(1)[0]) for stream in record.outputs))
     plan = plan_replay(dataclasses.replace(scenario, run=run), record.node, record.index, initial)
     outputs = [stream.topic for stream in record.outputs]
-    with (
-        libraries_on_stderr(),
-        _domain(options.domain),
-        ProgressLine(scenario.run.step) as progress,
-    ):
-        launcher.prepare()
+    with libraries_on_stderr(), ProgressLine(scenario.run.step) as progress:
         try:
             return replay_node(
                 plan,

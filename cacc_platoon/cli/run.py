@@ -6,8 +6,6 @@ The run folder then holds the bag, the resolved scenario, run.json, metrics.json
 from __future__ import annotations
 
 import argparse
-import os
-import signal
 import sys
 from pathlib import Path
 
@@ -15,14 +13,11 @@ from cacc_platoon.cli.console import libraries_on_stderr
 from cacc_platoon.cli.exit_codes import DONE, FAILED
 from cacc_platoon.cli.judge import add_verdict_arguments, conclude, warn_before
 from cacc_platoon.cli.progress import ProgressLine
-from cacc_platoon.errors import UserError
+from cacc_platoon.cli.ros import prepare_nodes, require_ros
 from cacc_platoon.run_folder import default_run_folder
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario_file import load_scenario
-from cacc_platoon.signals import StopSignal
 from msg_adapters.chaining import with_recorded_leader
-
-ROS_MODULES = ("rclpy", "rcl_interfaces", "std_msgs", "geometry_msgs")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -67,20 +62,9 @@ def run_and_judge(scenario: Scenario, output: Path | None, options: argparse.Nam
     scenario = with_recorded_leader(scenario)
     given = output or (Path(scenario.record.directory) if scenario.record.directory else None)
     folder = given or default_run_folder(scenario)
-    if scenario.run.spawn:
-        os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    stop = StopSignal(signal.SIGINT, signal.SIGTERM, insist=True)
-    try:
-        from cacc_platoon.nodes import launcher  # noqa: PLC0415  (needs ROS)
-    except ModuleNotFoundError as error:
-        if error.name not in ROS_MODULES:
-            raise
-        raise UserError(
-            f"platoon run: {error}. It needs ROS 2: source its setup file or see Install in the "
-            "README; platoon simulate runs the same scenario without ROS."
-        ) from error
+    require_ros("run", "platoon simulate runs the same scenario")
+    stop = prepare_nodes(local=scenario.run.spawn)
     with libraries_on_stderr():
-        launcher.prepare()
         from cacc_platoon.analysis import report_run  # noqa: PLC0415  (heavy)
         from cacc_platoon.nodes.session import FINISHED  # noqa: PLC0415
         from cacc_platoon.nodes.supervision import run_platoon  # noqa: PLC0415

@@ -1,0 +1,54 @@
+"""What a verb that starts nodes needs: ROS, hosts being prepared, signals listened to."""
+
+from __future__ import annotations
+
+import os
+import signal
+
+from cacc_platoon.cli.console import libraries_on_stderr
+from cacc_platoon.errors import UserError
+from cacc_platoon.signals import StopSignal
+
+ROS_MODULES = ("rclpy", "rcl_interfaces", "std_msgs", "geometry_msgs")
+
+
+def require_ros(verb: str, without_ros: str) -> None:
+    """Refuse a verb that starts nodes where there is no ROS.
+
+    Parameters
+    ----------
+    verb : str
+        Who needs it.
+    without_ros : str
+        What does a part of it without.
+
+    Raises
+    ------
+    UserError
+        When a package of ROS cannot be imported.
+    """
+    try:
+        from cacc_platoon.nodes import launcher  # noqa: PLC0415, F401  (that is the question)
+    except ModuleNotFoundError as error:
+        if error.name not in ROS_MODULES:
+            raise
+        raise UserError(
+            f"platoon {verb}: {error}. It needs ROS 2: source its setup file or see Install in "
+            f"the README; {without_ros} without."
+        ) from error
+
+
+def prepare_nodes(local: bool = True) -> StopSignal:
+    """Begin to load what hosts need; from now on signals end the run in good order.
+
+    Processes of hosts begin with the environment as it is now. DDS stays on this machine when
+    `local`, unless the environment says otherwise.
+    """
+    from cacc_platoon.nodes import launcher  # noqa: PLC0415  (needs ROS)
+
+    if local:
+        os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    stop = StopSignal(signal.SIGINT, signal.SIGTERM, insist=True)
+    with libraries_on_stderr():
+        launcher.prepare()
+    return stop
