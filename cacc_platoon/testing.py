@@ -39,6 +39,7 @@ from std_msgs.msg import String
 
 from cacc_platoon.nodes import qos
 from cacc_platoon.nodes.node import MESSAGE_TYPES
+from cacc_platoon.nodes.session import heard
 from cacc_platoon.nodes.shared_memory import cleared_segments
 from cacc_platoon.run_folder import INFO_FILE, RunFolder
 from cacc_platoon.scenario import Scenario
@@ -332,7 +333,7 @@ class Platoon:
         self._node.create_subscription(String, status, self._on_status, qos.latched())
 
     def _on_status(self, message: String) -> None:
-        self._status = json.loads(message.data)
+        self._status = heard(message.data) or self._status
 
     def _run(self, name: str, command: Sequence[str], output: Path, errors: Path) -> int:
         with output.open("wb") as out, errors.open("ab") as err:

@@ -55,6 +55,16 @@ def published_topics(scenario: Scenario, kind: str, index: int) -> list[Topic]:
     return published
 
 
+def recorded_topics(scenario: Scenario) -> list[Topic]:
+    """Return every topic that the bag of a run has to hold."""
+    nodes = (node.split("/") for node in scenario.node_names)
+    return [
+        topic
+        for vehicle, kind in nodes
+        for topic in published_topics(scenario, kind, int(vehicle.removeprefix("vehicle_")))
+    ]
+
+
 def run_host(plan: HostPlan, lifeline: Connection) -> None:
     """Run a host in a process of its own until the supervisor ends the run or is gone.
 

@@ -35,7 +35,9 @@ def prepare() -> None:
     """Start loading what hosts need in the background, before anything else is done."""
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(["cacc_platoon.nodes.host"])
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # a Ctrl-C is for the supervisor alone
     forkserver.ensure_running()
+    signal.signal(signal.SIGINT, before)
 
 
 def plan_hosts(scenario: Scenario, parts: Path, run: str) -> list[HostPlan]:
@@ -54,6 +56,8 @@ def plan_hosts(scenario: Scenario, parts: Path, run: str) -> list[HostPlan]:
         for vehicle in vehicles
     ]
     vehicles = [vehicle for vehicle in vehicles if vehicle]
+    if not vehicles:
+        return []
     if scenario.run.hosts == "per_node":
         groups = [[node] for vehicle in vehicles for node in vehicle]
     else:
@@ -65,7 +69,8 @@ def plan_hosts(scenario: Scenario, parts: Path, run: str) -> list[HostPlan]:
             [node for vehicle in vehicles[begin:end] for node in vehicle]
             for begin, end in pairwise(cuts)
         ]
-    if len(groups) >= LOCALHOST_PARTICIPANTS:
+    local = os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE") == "LOCALHOST"
+    if local and len(groups) >= LOCALHOST_PARTICIPANTS:
         raise UserError(
             f"run.hosts = {scenario.run.hosts} makes {len(groups)} processes, but DDS connects "
             f"fewer than {LOCALHOST_PARTICIPANTS} on one machine. Give run.hosts a smaller number."

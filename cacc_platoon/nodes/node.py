@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 from geometry_msgs.msg import AccelStamped, PoseStamped, TwistStamped, Vector3Stamped
 from rclpy.node import Node
@@ -53,10 +54,11 @@ class PlatoonNode(Node):  # type: ignore[misc]
             super().__init__(name, automatically_declare_parameters_from_overrides=True)
             index = parameters.vehicle_index(self.get_namespace(), name)
             scenario = parameters.scenario_of(self, RECORD_PARAMETER)
+            parameters.refuse_stranger(scenario, f"vehicle_{index}/{name}")
         else:
             namespace = VehicleTopics(scenario.platoon.namespace, index).namespace
             super().__init__(name, namespace=namespace, use_global_arguments=False)
-        self.scenario, self.index = scenario, index
+        self.scenario, self.index, self.groups = scenario, index, groups
         self.failures: list[str] = []
         self.topics = VehicleTopics(scenario.platoon.namespace, index)
         self.predecessor = VehicleTopics(scenario.platoon.namespace, index - 1)
@@ -76,19 +78,32 @@ class PlatoonNode(Node):  # type: ignore[misc]
 
     def follow_stream(self, topic: Topic, take: Callable[[int, float], None]) -> None:
         """Call `take` with stamp [ns] and x of every message of a topic."""
-        decode, failures = topic.codec.decode, self.failures
+        decode = topic.codec.decode
 
         def receive(data: bytes) -> None:
+            try:
+                stamp, value = decode(data)
+            except LayoutError as error:
+                raise LockstepError(
+                    f"{topic.name}: a message {error} (frame_id must be {topic.frame_id}): it "
+                    "comes from another publisher"
+                ) from error
+            take(stamp, value)
+
+        message_type = MESSAGE_TYPES[topic.kind.type_name]
+        profile = qos.stream(self.scenario)
+        self.create_subscription(message_type, topic.name, self.guarded(receive), profile, raw=True)
+
+    def guarded(self, receive: Callable[[Any], None]) -> Callable[[Any], None]:
+        """Return a callback that notes the first failure and is deaf from then on."""
+        failures = self.failures
+
+        def callback(message: Any) -> None:
             if failures:
                 return
             try:
-                take(*decode(data))
-            except LayoutError as error:
-                failures.append(f"{topic.name}: a message {error}: another publisher sent it")
+                receive(message)
             except LockstepError as error:
                 failures.append(str(error))
 
-        message_type = MESSAGE_TYPES[topic.kind.type_name]
-        self.create_subscription(
-            message_type, topic.name, receive, qos.stream(self.scenario), raw=True
-        )
+        return callback

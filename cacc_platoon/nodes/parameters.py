@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import re
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -97,6 +98,37 @@ def scenario_of(node: Node, *own: str) -> Scenario:
     folder = next((path.parent for path in reversed(parameter_files(sys.argv))), Path())
     source = f"parameters of {node.get_fully_qualified_name()}"
     return Scenario.from_values(values, None, source, folder)
+
+
+LOCAL = {
+    *("run.hosts", "run.spawn", "run.by_hand", "run.real_time_factor", "run.start_timeout"),
+    *("run.stall_timeout", "record.directory", "leader.file"),
+}
+"""Parameters of which a node started by hand may have values of its own."""
+
+
+def shared_parameters(scenario: Scenario, index: int, groups: Iterable[str]) -> dict[str, Any]:
+    """Return the parameters of some groups in which a vehicle must agree with the run."""
+    values = {**scenario.values(), **scenario.overrides.get(index, {})}
+    if index in scenario.indices:
+        values["vehicle.tau"] = scenario.follower(index).tau
+    shared = {
+        name: value
+        for name, value in values.items()
+        if name.partition(".")[0] in groups and name not in LOCAL
+    }
+    plain: dict[str, Any] = json.loads(json.dumps(shared))
+    return plain
+
+
+def refuse_stranger(scenario: Scenario, node: str) -> None:
+    """Raise ScenarioError when a platoon has no such node, which would wait for ever."""
+    names = scenario.node_names
+    if node not in names:
+        raise ScenarioError(
+            f"{node}: is no node of this platoon, which has {names[0]} to {names[-1]}. Correct "
+            "the namespace or platoon.followers."
+        )
 
 
 def namespace_prefix(namespace: str) -> str:

@@ -17,6 +17,8 @@ from rclpy.qos import QoSProfile
 from std_msgs.msg import String
 
 from cacc_platoon.nodes import qos
+from cacc_platoon.nodes.node import PlatoonNode
+from cacc_platoon.nodes.parameters import shared_parameters
 from cacc_platoon.nodes.recorder import RecorderNode
 from cacc_platoon.scenario import Scenario
 from msg_adapters.topics import PlatoonTopics
@@ -72,6 +74,7 @@ class HostSession:
             "state": "up",
             "missing": [],
             "failure": "",
+            "parameters": {} if run else self._parameters(),
         }
         carrier = self._nodes[0]
         self._publisher = carrier.create_publisher(String, topics.host_state, _many_latched())
@@ -120,7 +123,9 @@ class HostSession:
         self._change(state="closed")
 
     def _on_status(self, message: String) -> None:
-        status = json.loads(message.data)
+        status = heard(message.data)
+        if status is None:
+            return
         if not self._state["run"]:
             self._change(run=status["run"])
         if status["run"] == self._state["run"]:
@@ -152,12 +157,29 @@ class HostSession:
             if endpoint.topic_name.startswith(self._prefix)
         ]
 
+    def _parameters(self) -> dict[str, dict[str, Any]]:
+        """Return the parameters of nodes started by hand, which must be those of the run."""
+        return {
+            _relative(node, self._prefix): shared_parameters(node.scenario, node.index, node.groups)
+            for node in self._nodes
+            if isinstance(node, PlatoonNode)
+        }
+
     def _change(self, **changes: object) -> None:
         self._state.update(changes)
         self._publish()
 
     def _publish(self) -> None:
         self._publisher.publish(String(data=json.dumps(self._state)))
+
+
+def heard(text: str) -> dict[str, Any] | None:
+    """Return what a host or a supervisor says; None for a text that is none of ours."""
+    try:
+        said = json.loads(text)
+    except ValueError:
+        return None
+    return said if isinstance(said, dict) and {"run", "state"} <= said.keys() else None
 
 
 def _relative(node: Node, prefix: str) -> str:

@@ -74,7 +74,7 @@ def leftovers() -> set[str]:
     found = set()
     for name in {file.removesuffix(_LOCK) for file in files}:
         lock = SHARED_MEMORY / f"{name}{_LOCK}"
-        with contextlib.suppress(BlockingIOError):
+        with contextlib.suppress(OSError):
             if lock.exists():
                 with lock.open("ab") as handle:
                     fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -95,15 +95,14 @@ def _remove(name: str) -> list[str]:
     files = (SHARED_MEMORY / name, SHARED_MEMORY / f"sem.{name}_mutex", lock)
     if not any(file.exists() for file in files):
         return []
-    with lock.open("ab") as handle:
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return []
-        removed = [file for file in files if file.exists()]
-        for file in removed:
-            file.unlink(missing_ok=True)
-    return [file.name for file in removed]
+    removed = []
+    with contextlib.suppress(OSError), lock.open("ab") as handle:  # locked, or another user's
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        for file in files:
+            if file.exists():
+                file.unlink(missing_ok=True)
+                removed.append(file.name)
+    return removed
 
 
 def _notes() -> Path:

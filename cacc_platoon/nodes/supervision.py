@@ -11,21 +11,22 @@ from pathlib import Path
 from typing import Any
 
 import rclpy
+from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import Executor
 from rclpy.signals import SignalHandlerOptions
 
+from cacc_platoon.errors import UserError
 from cacc_platoon.nodes import shared_memory
 from cacc_platoon.nodes.diagnosis import diagnose
 from cacc_platoon.nodes.executor import create_executor, spin_for
-from cacc_platoon.nodes.host import FLUSH_PERIOD
+from cacc_platoon.nodes.host import FLUSH_PERIOD, recorded_topics
 from cacc_platoon.nodes.launcher import HostProcesses, plan_hosts
 from cacc_platoon.nodes.recorder import RecorderNode
 from cacc_platoon.nodes.session import FAILED, FINISHED, HostSession
 from cacc_platoon.nodes.supervisor import GRAPH_PERIOD, SupervisorNode
 from cacc_platoon.run_folder import RunFolder
 from cacc_platoon.scenario import Scenario
-from msg_adapters.recording import read_parts
-from msg_adapters.topics import run_topics
+from msg_adapters.recording import Recording, read_parts
 
 TICK = 0.02
 NEWCOMER_WAIT = 0.4
@@ -90,9 +91,13 @@ def run_platoon(
     shared_memory.sweep()
     run = uuid.uuid4().hex
     plans = plan_hosts(scenario, path / "parts", run) if scenario.run.spawn else []
-    folder = RunFolder.create(path, scenario)
-    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-    supervision = Supervision(SupervisorNode(scenario, run), folder, observe, stopped)
+    node = _start_node(scenario, run)
+    try:
+        folder = RunFolder.create(path, scenario)
+    except BaseException:
+        _end_node(node)
+        raise
+    supervision = Supervision(node, folder, observe, stopped)
     processes = HostProcesses()
     status, message = FINISHED, ""
     try:
@@ -107,6 +112,8 @@ def run_platoon(
         processes.stop(patience=0.0)
         raise
     recording = {**folder.recording(), **supervision.parts_elsewhere()}
+    if status == FINISHED and (short := incomplete(scenario, recording)):
+        status, message = FAILED, short
     if status == FAILED:
         samples = {name: len(record.messages) for name, record in recording.items()}
         message = "; ".join([message, *silent, diagnose(scenario, samples)])
@@ -119,6 +126,34 @@ def run_platoon(
         unwritten = f"the bag could not be written ({error.strerror}); `platoon report` tries again"
         return Outcome(FAILED, "; ".join(filter(None, [message, unwritten])), info)
     return Outcome(status, message, info)
+
+
+def incomplete(scenario: Scenario, recording: Recording) -> str:
+    """Say which topic lacks samples; empty when every topic has all of them."""
+    for topic in recorded_topics(scenario):
+        count = len(recording[topic.name].messages) if topic.name in recording else 0
+        if count != scenario.samples:
+            return f"{topic.name}: only {count} of {scenario.samples} samples were recorded"
+    return ""
+
+
+def _start_node(scenario: Scenario, run: str) -> SupervisorNode:
+    """Start rclpy and the supervisor's node, or say in one line why that cannot be."""
+    try:
+        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        return SupervisorNode(scenario, run)
+    except (RuntimeError, ValueError, NameValidationException, ParameterException) as error:
+        rclpy.try_shutdown()
+        raise UserError(
+            f"ROS does not start: {' '.join(str(error).split())}. Look at ROS_DOMAIN_ID and at "
+            "platoon doctor."
+        ) from error
+
+
+def _end_node(node: SupervisorNode) -> None:
+    with shared_memory.cleared_segments():
+        node.destroy_node()
+        rclpy.try_shutdown()
 
 
 class Supervision:
@@ -138,7 +173,7 @@ class Supervision:
         self._recorder: RecorderNode | None = None
         self._session: HostSession | None = None
         self._begun = time.monotonic()
-        self._first_sample = self._last_sample = self._flushed = 0.0
+        self._first_sample = self._last_sample = self._flushed = self._graph_checked = 0.0
         self._start_time: float | None = None
         shared_memory.note_segments()
 
@@ -163,7 +198,7 @@ class Supervision:
         began = time.monotonic()
 
         def started(missing: list[str], what: str) -> bool:
-            self._check_graph()
+            self._check_graph_now_and_then()
             if missing and self._elapsed(began) > limit:
                 raise RunFailedError(
                     f"after {limit:g} s {what}: {_some(missing)}. Start what is missing, or raise "
@@ -176,6 +211,8 @@ class Supervision:
             "starting nodes",
             processes,
         )
+        if disagreements := node.disagreements():
+            raise RunFailedError(f"{_some(disagreements)}. Start it with the run's parameters")
         self._record_the_rest()
         node.begin_matching()
         self._wait(
@@ -210,12 +247,10 @@ class Supervision:
         processes.stop()
         if self._recorder:
             self._recorder.close()
-        with shared_memory.cleared_segments():
-            self._executor.shutdown()
-            if self._recorder:
-                self._recorder.destroy_node()
-            node.destroy_node()
-            rclpy.try_shutdown()
+        self._executor.shutdown()
+        if self._recorder:
+            self._recorder.destroy_node()
+        _end_node(node)
         shared_memory.sweep()
         return silent
 
@@ -229,7 +264,6 @@ class Supervision:
     def measured(self) -> dict[str, Any]:
         """Return times, progress and hosts for run.json."""
         wall = max(0.0, self._last_sample - self._first_sample)
-        recorded = {topic for host in self._node.hosts.values() for topic in host["records"]}
         run = self._scenario.run
         return {
             "samples": self._node.progress + 1,
@@ -237,14 +271,11 @@ class Supervision:
             "real_time_factor": run.duration / wall if wall else None,
             "start_time": self._start_time,
             "hosts": self._node.host_summaries(),
-            "unrecorded": [
-                topic.name for topic in run_topics(self._scenario) if topic.name not in recorded
-            ],
         }
 
     def _follow_progress(self, processes: HostProcesses) -> None:
         node, limit = self._node, self._scenario.run.stall_timeout
-        progress, moved, graph = node.progress, time.monotonic(), time.monotonic()
+        progress, moved = node.progress, time.monotonic()
         if self._scenario.run.real_time_factor:
             limit += (
                 self._scenario.run.step
@@ -253,25 +284,23 @@ class Supervision:
             )
 
         def complete() -> bool:
-            nonlocal progress, moved, graph
+            nonlocal progress, moved
             now = time.monotonic()
             if node.progress > progress:
                 progress, moved = node.progress, now
             elif now - moved > limit:
                 raise RunFailedError(f"no progress for {limit:g} s")
-            if now - graph > GRAPH_PERIOD:
-                graph = now
-                self._check_graph()
+            self._check_graph_now_and_then()
             return node.complete
 
         self._wait(complete, "running", processes)
 
     def _record_the_rest(self) -> None:
         """Record in this process what no host records."""
-        missing = set(self._node.unrecorded_topics())
-        if not missing:
+        covered = {topic for host in self._node.hosts.values() for topic in host["records"]}
+        topics = [topic for topic in recorded_topics(self._scenario) if topic.name not in covered]
+        if not topics:
             return
-        topics = [topic for topic in run_topics(self._scenario) if topic.name in missing]
         part = self._folder.parts / "supervisor"
         self._recorder = RecorderNode(self._scenario, "supervisor", topics, part)
         self._executor.add_node(self._recorder)
@@ -290,8 +319,7 @@ class Supervision:
             if signal_name := self._stopped():
                 raise RunFailedError(f"stopped by {signal_name}")
             if failures := self._node.failures():
-                foreign = [f"{found}. {ADVICE}" for found in self._node.foreign_publishers()[:1]]
-                raise RunFailedError("; ".join([*failures, *foreign]))
+                raise RunFailedError("; ".join([*failures[:3], *self._strangers(failures)]))
             for ended in processes.ended() if processes else ():
                 nodes = self._node.hosts.get(ended.name, {}).get("nodes", ["before it appeared"])
                 raise RunFailedError(
@@ -308,6 +336,20 @@ class Supervision:
             shared_memory.note_segments()
             if self._recorder:
                 self._recorder.flush()
+
+    def _strangers(self, failures: list[str]) -> list[str]:
+        """Say who else publishes, if the failures sound like it and the graph shows it soon."""
+        if not any("another publisher" in failure for failure in failures):
+            return []
+        deadline = time.monotonic() + GRAPH_PERIOD
+        while not (found := self._node.foreign_publishers()) and time.monotonic() < deadline:
+            self._spin()
+        return [*found[:1], ADVICE]
+
+    def _check_graph_now_and_then(self) -> None:
+        if time.monotonic() - self._graph_checked > GRAPH_PERIOD:
+            self._graph_checked = time.monotonic()
+            self._check_graph()
 
     def _check_graph(self) -> None:
         if foreign := self._node.foreign_publishers():

@@ -12,14 +12,14 @@ from rclpy.qos import DurabilityPolicy
 from std_msgs.msg import Int64, String
 
 from cacc_platoon.nodes import parameters, qos
-from cacc_platoon.nodes.session import HEARTBEAT_PERIOD, MATCHING, RUNNING, WAITING
+from cacc_platoon.nodes.session import HEARTBEAT_PERIOD, MATCHING, RUNNING, WAITING, heard
 from cacc_platoon.parameter_table import GROUPS
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario_file import format_scenario
 from msg_adapters.topics import PlatoonTopics, run_topics
 
 MAX_HOSTS = 1000
-GRAPH_PERIOD = 1.0
+GRAPH_PERIOD = 0.5
 
 
 class SupervisorNode(Node):  # type: ignore[misc]
@@ -46,6 +46,8 @@ class SupervisorNode(Node):  # type: ignore[misc]
         self.state = WAITING
         self.message = ""
         self._recorded: dict[str, int] = {}
+        self._strange: list[str] = []
+        self._published = -1
         self._last = scenario.samples - 1
         self._heartbeat = 0.0
         self._started = 0.0
@@ -55,9 +57,9 @@ class SupervisorNode(Node):  # type: ignore[misc]
         self._status = self.create_publisher(String, self.topics.status, latched)
         self._scenario_publisher = self.create_publisher(String, self.topics.scenario, latched)
         self._scenario_publisher.publish(String(data=format_scenario(scenario)))
-        heard = qos.latched()
-        heard.depth = MAX_HOSTS
-        self.create_subscription(String, self.topics.host_state, self._on_host_state, heard)
+        profile = qos.latched()
+        profile.depth = MAX_HOSTS
+        self.create_subscription(String, self.topics.host_state, self._on_host_state, profile)
 
     @property
     def complete(self) -> bool:
@@ -68,11 +70,6 @@ class SupervisorNode(Node):  # type: ignore[misc]
         """Return the nodes of the platoon that have not appeared."""
         present = {node for host in self.hosts.values() for node in host["nodes"]}
         return [node for node in self.scenario.node_names if node not in present]
-
-    def unrecorded_topics(self) -> list[str]:
-        """Return the topics of the digest that no host records."""
-        covered = {topic for host in self.hosts.values() for topic in host["records"]}
-        return [topic.name for topic in self._digest_topics() if topic.name not in covered]
 
     def begin_matching(self) -> None:
         """Tell everybody which connections to wait for."""
@@ -116,13 +113,29 @@ class SupervisorNode(Node):  # type: ignore[misc]
 
     def failures(self) -> list[str]:
         """Return what hosts have reported as failures."""
-        return [host["failure"] for host in self.hosts.values() if host["failure"]]
+        failures = [host["failure"] for host in self.hosts.values() if host["failure"]]
+        return failures + self._strange
+
+    def disagreements(self) -> list[str]:
+        """Return how parameters of nodes started by hand differ from the run's."""
+        found = []
+        for host in self.hosts.values():
+            for node, given in host["parameters"].items():
+                index = int(node.partition("/")[0].removeprefix("vehicle_"))
+                groups = {name.partition(".")[0] for name in given}
+                expected = parameters.shared_parameters(self.scenario, index, groups)
+                found += [
+                    f"{node}: {name} = {given[name]} but the run has {value}"
+                    for name, value in expected.items()
+                    if given.get(name, value) != value
+                ]
+        return found
 
     def foreign_publishers(self) -> list[str]:
         """Return the topics of this platoon that somebody else publishes too, with who it is."""
-        own = {topic.name for topic in self._digest_topics()} | {
-            self.topics.horizon,
-            self.topics.status,
+        own = {topic.name for topic in run_topics(self.scenario)} | {
+            *(self.topics.horizon, self.topics.status),
+            *(f"{self.scenario.platoon.namespace}/host_{name}/recorded" for name in self._recorded),
         }
         found = []
         for topic in sorted(own):
@@ -141,11 +154,11 @@ class SupervisorNode(Node):  # type: ignore[misc]
             for name, host in sorted(self.hosts.items())
         ]
 
-    def _digest_topics(self) -> list[Any]:
-        return run_topics(self.scenario)
-
     def _on_host_state(self, message: String) -> None:
-        host = json.loads(message.data)
+        host = heard(message.data)
+        if host is None:
+            self._strange.append(f"{self.topics.host_state}: a message that no host of ours sends")
+            return
         name = host["host"]
         if host["run"] != self.run:
             return
@@ -153,11 +166,17 @@ class SupervisorNode(Node):  # type: ignore[misc]
             self._recorded[name] = -1
             topic = f"{self.scenario.platoon.namespace}/host_{name}/recorded"
             self.create_subscription(
-                Int64, topic, lambda heard: self._on_recorded(name, heard.data), qos.latched()
+                Int64, topic, lambda said: self._on_recorded(name, said.data), qos.latched()
             )
         self.hosts[name] = host
 
     def _on_recorded(self, host: str, sample: int) -> None:
+        if sample > self._published:
+            self._strange.append(
+                f"host {host}: says that it recorded sample {sample}, beyond the horizon "
+                f"{self._published}: it comes from another publisher"
+            )
+            return
         self._recorded[host] = sample
         self.advance(min(self._recorded.values()))
 
@@ -176,6 +195,7 @@ class SupervisorNode(Node):  # type: ignore[misc]
         if run.real_time_factor:
             elapsed = time.monotonic() - self._started
             horizon = min(horizon, int(elapsed * run.real_time_factor / run.step))
+        self._published = max(self._published, horizon + self.scenario.platoon.followers)
         self._horizon.publish(Int64(data=horizon))
 
     def _count_subscribers(self) -> dict[str, int]:
@@ -183,13 +203,18 @@ class SupervisorNode(Node):  # type: ignore[misc]
 
         Those of the platoon, and strangers that are in the graph by now: they miss nothing either.
         """
+        prefix = self.scenario.platoon.namespace
+        own = {f"{prefix}/{node}" for host in self.hosts.values() for node in host["nodes"]}
         wanted = Counter(topic for host in self.hosts.values() for topic in host["subscribes"])
         counts = {}
-        for topic in self._digest_topics():
-            found = self.get_subscriptions_info_by_topic(topic.name)
-            volatile = DurabilityPolicy.VOLATILE
-            matching = sum(info.qos_profile.durability == volatile for info in found)
-            counts[topic.name] = max(wanted[topic.name], matching)
+        for topic in run_topics(self.scenario):
+            strangers = [
+                info
+                for info in self.get_subscriptions_info_by_topic(topic.name)
+                if f"{info.node_namespace.rstrip('/')}/{info.node_name}" not in own
+                and info.qos_profile.durability == DurabilityPolicy.VOLATILE
+            ]
+            counts[topic.name] = wanted[topic.name] + len(strangers)
         return counts
 
     def _change(self, state: str) -> None:

@@ -67,6 +67,6 @@ class VehicleNode(PlatoonNode):
         self.create_subscription(
             Int64,
             self.topics.complete,
-            lambda message: core.take_loss(message.data),
+            self.guarded(lambda message: core.take_loss(message.data)),
             qos.stream(self.scenario),
         )
