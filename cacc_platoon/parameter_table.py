@@ -144,7 +144,11 @@ class Run:
     duration: float = parameter(200.0, "s", "the simulated time", above=0.0)
     seed: int = parameter(1, "-", "the seed of all noise", at_least=0)
     real_time_factor: float = parameter(
-        0.0, "-", "the pace in simulated over wall time, 0 for as fast as possible", at_least=0.0
+        0.0,
+        "-",
+        "the pace in simulated over wall time, 0 for as fast as possible",
+        at_least=0.0,
+        at_most=1e6,
     )
     hosts: int | str = parameter(
         "auto",

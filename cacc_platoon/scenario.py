@@ -47,6 +47,7 @@ from cacc_platoon.parameters import ScenarioError, refuse_unknown
 MAX_SAMPLES = 10**8
 """More would neither fit into memory nor end."""
 
+MAX_NAMESPACE = 150
 MAX_INDEX = 500
 """Of the last vehicle; readers of bags take a higher one for damage."""
 
@@ -290,10 +291,9 @@ def _with_leader_file(leader: Leader, source: str, folder: Path) -> Leader:
 
 def check_namespace(namespace: str, source: str) -> None:
     """Refuse a platoon.namespace that ROS would refuse; the error line begins with `source`."""
-    if not re.fullmatch(r"(/[A-Za-z_][A-Za-z0-9_]*)+", namespace):
-        raise TABLE["platoon.namespace"].refusal(
-            namespace, source, "must be a ROS name such as /platoon"
-        )
+    if len(namespace) > MAX_NAMESPACE or not re.fullmatch(r"(/[A-Za-z_][A-Za-z0-9_]*)+", namespace):
+        rule = f"must be a ROS name such as /platoon, up to {MAX_NAMESPACE} characters"
+        raise TABLE["platoon.namespace"].refusal(namespace, source, rule)
 
 
 def _check_consistency(scenario: Scenario, source: str) -> None:

@@ -22,6 +22,11 @@ class StopSignal:
         for number in signals:
             signal.signal(number, self._on_signal)
 
+    def release(self) -> None:
+        """From now on a Ctrl-C interrupts at once, as everywhere."""
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
     def received(self) -> str | None:
         """Return the name of the signal that came, or None."""
         return self._received.name if self._received else None

@@ -37,6 +37,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from std_msgs.msg import String
 
+from cacc_platoon.dds import prefer_local
 from cacc_platoon.nodes import qos
 from cacc_platoon.nodes.node import MESSAGE_TYPES
 from cacc_platoon.nodes.session import heard
@@ -149,6 +150,14 @@ class Platoon:
         """Start the supervisor, the hosts and the nodes given by hand."""
         self._stack = contextlib.ExitStack()
         self.domain = self._stack.enter_context(own_domain())
+        try:
+            self._start()
+        except BaseException:
+            self._stack.close()
+            raise
+        return self
+
+    def _start(self) -> None:
         self._observe()
         self._stack.callback(self._end_processes)
         self._run(
@@ -169,7 +178,6 @@ class Platoon:
         for node, command in self._by_hand.items():
             if command:
                 self.start(node, command)
-        return self
 
     def __exit__(
         self,
@@ -230,7 +238,7 @@ class Platoon:
 
     def environment(self) -> dict[str, str]:
         """Return the environment in which a process of yours meets this platoon."""
-        return {
+        environment = {
             **os.environ,
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
             "ROS_PYTHON_CHECK_FIELDS": "1",
@@ -238,6 +246,8 @@ class Platoon:
             **dict([self._mark.split("=")]),
             "ROS_DOMAIN_ID": str(self.domain),
         }
+        prefer_local(environment)
+        return environment
 
     def wait_node(self, node: str, timeout: float = PATIENCE) -> None:
         """Wait until the supervisor knows a node."""

@@ -57,7 +57,7 @@ class StampedCodec:
         tail += struct.pack(f"<{len(kind.tail)}d", *kind.tail)
         self.size = len(HEADER) + 8 + len(gap) + 8 * kind.doubles
         self._gap, self._tail = gap, tail
-        self._padding = (_FRAME_AT + len(frame), 12 + len(gap))
+        self.padding = (_FRAME_AT + len(frame), 12 + len(gap))
         self._packer = struct.Struct(f"<4siI{len(gap)}sdd{len(tail)}s")
         self._unpacker = struct.Struct(f"<4xiI{len(gap)}xd")
         self._record = np.dtype(
@@ -111,7 +111,7 @@ class StampedCodec:
 
     def zero_padding(self, data: bytes) -> bytes:
         """Return a message of this layout with its frame's padding zeroed, for comparison."""
-        begin, end = self._padding
+        begin, end = self.padding
         return data[:begin] + bytes(end - begin) + data[end:]
 
 

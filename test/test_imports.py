@@ -38,6 +38,7 @@ ROOMS = {
     "msg_adapters": Room({*SCENARIO, "simulation"}, {"numpy", "rosbags"}),
     "run_folder": Room({*SCENARIO, "simulation", "msg_adapters"}, {"numpy"}),
     "signals": Room(set(), set()),
+    "dds": Room(set(), set()),
     "nodes": Room({*CORE, "signals"}, {"numpy", *ROS}),
     "analysis": Room(
         {*CORE, "design"},
@@ -45,11 +46,11 @@ ROOMS = {
         {"matplotlib"},
     ),
     "testing": Room(
-        {*CORE, "signals", "nodes", "analysis", "cli"},
+        {*CORE, "signals", "dds", "nodes", "analysis", "cli"},
         {"numpy", *ROS},
     ),
     "cli": Room(
-        {*CORE, "signals", "design", "analysis"},
+        {*CORE, "signals", "dds", "design", "analysis"},
         {"numpy", "ruamel"},
         {"matplotlib", "nodes", "testing", *ROS},
     ),

@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 from cacc_platoon import __version__
 from cacc_platoon.cli.exit_codes import DONE, FAILED
+from cacc_platoon.dds import prefer_local
 
 LIBRARIES = ("numpy", "rosbags", "ruamel.yaml", "matplotlib")
 ENVIRONMENT = (
@@ -90,7 +91,7 @@ def _rclpy() -> Finding:
 
 def _discovery() -> Finding:
     """Let two processes exchange a message over DDS."""
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    prefer_local(os.environ)
     try:
         from cacc_platoon.nodes.echo import measure_round_trip  # noqa: PLC0415
     except ImportError:

@@ -6,6 +6,7 @@ import os
 import signal
 
 from cacc_platoon.cli.console import libraries_on_stderr
+from cacc_platoon.dds import prefer_local
 from cacc_platoon.errors import UserError
 from cacc_platoon.signals import StopSignal
 
@@ -47,7 +48,7 @@ def prepare_nodes(local: bool = True) -> StopSignal:
     from cacc_platoon.nodes import launcher  # noqa: PLC0415  (needs ROS)
 
     if local:
-        os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        prefer_local(os.environ)
     stop = StopSignal(signal.SIGINT, signal.SIGTERM, insist=True)
     with libraries_on_stderr():
         launcher.prepare()

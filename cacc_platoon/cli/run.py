@@ -81,6 +81,7 @@ def run_and_judge(scenario: Scenario, output: Path | None, options: argparse.Nam
         return stop.exit_code
     if options.no_report:
         return DONE
+    stop.release()
     with ProgressLine() as progress:
         report = report_run(folder, progress)
     return conclude(report, options)

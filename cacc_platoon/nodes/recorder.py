@@ -71,6 +71,8 @@ class RecorderNode(Node):  # type: ignore[misc]
         write = self._part.writers[topic.name]
         unpack, size, step = _STAMP.unpack_from, topic.codec.size, self.scenario.step_ns
         samples, name, last, stride = self.samples, topic.name, self._last, self._stride
+        begin, end = topic.codec.padding
+        zeros = bytes(end - begin)
         mark, failures, folder = self._mark, self.failures, self.folder
 
         def receive(data: bytes) -> None:
@@ -84,6 +86,8 @@ class RecorderNode(Node):  # type: ignore[misc]
                     "publisher"
                 )
                 return
+            if data[begin:end] != zeros:
+                data = topic.codec.zero_padding(data)
             try:
                 write(data)
             except OSError as error:
