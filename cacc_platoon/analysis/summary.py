@@ -61,13 +61,14 @@ def _verdict_lines(report: Report) -> list[str]:
     weakest = verdict.weakest
     own = scenario.follower(weakest.follower)
     low, high = effective_interval(own.gains.k_a, own.v2v.rho)
-    passed = "passed" if verdict.string_stable else f"failed, {weakest.reason}"
+    failed = "undecided" if verdict.undecided else "failed"
+    passed = "passed" if verdict.string_stable else f"{failed}: {weakest.reason}"
     which = "" if verdict.equal_links else f" (vehicle {weakest.follower} is the weakest)"
-    largest = max(one.linf_gain for one in verdict.followers)
     lines = [
         f"  exact test, every lag tau <= {own.tau_max:g} s and every k_a E[w] in "
         f"[{low:.4g}, {high:.4g}]: {passed}",
-        f"  sup|H| = {weakest.l2_gain:.9g} (L2){which}; L-infinity gain of a hop {largest:.6g}",
+        f"  sup|H| = {weakest.l2_gain:.9g} (L2){which}; L-infinity gain of a hop "
+        f"{verdict.linf_gain:.6g}",
         "  paper's Theorem 2 (sufficient): " + ("passed" if verdict.in_paper_region else "failed"),
     ]
     lines += [f"  VOID for this run: {reason}" for reason in verdict.void]

@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import numpy as np
+
 from cacc_platoon.analysis.consistency import Consistency
 from cacc_platoon.analysis.noise import LinkNoise
 from cacc_platoon.analysis.reasons import (
@@ -26,6 +28,7 @@ from cacc_platoon.design import (
     worst_l2_gain,
 )
 from cacc_platoon.design.paper import effective_interval
+from cacc_platoon.errors import UserError
 from cacc_platoon.scenario import Follower, Scenario
 
 EXACT_TEST = (
@@ -62,6 +65,9 @@ class FollowerVerdict(NamedTuple):
         The exact test for that k and the follower's own tau; None when w could not be told.
     reason : str
         Which condition fails, empty when none does.
+    decided : bool
+        Whether the numbers above could be computed; when not, nothing is certified and `reason`
+        says why.
     """
 
     follower: int
@@ -75,6 +81,7 @@ class FollowerVerdict(NamedTuple):
     realised_k: float
     realised_stable: bool | None
     reason: str
+    decided: bool = True
 
 
 @dataclass(frozen=True)
@@ -97,7 +104,7 @@ class Verdict:
     followers : tuple of FollowerVerdict
         One by one.
     weakest : FollowerVerdict
-        The follower with the largest sup |H|.
+        A follower that fails before one that is undecided, then the one with the largest sup |H|.
     end_to_end_gain : float
         sup |H_1 ... H_N| at each follower's own tau and the realised k; NaN where w is unknown.
     """
@@ -117,8 +124,20 @@ class Verdict:
         return self.string_stable and not self.void
 
     @property
+    def undecided(self) -> bool:
+        """Whether no follower fails the exact test, but some one's gains cannot be certified."""
+        return not self.string_stable and not self.weakest.decided
+
+    @property
+    def linf_gain(self) -> float:
+        """The largest L-infinity gain of a hop, NaN where one is unknown."""
+        return float(np.max([one.linf_gain for one in self.followers]))
+
+    @property
     def headline(self) -> str:
         """The verdict in a few words."""
+        if self.undecided:
+            return "NOT CERTIFIED"
         if not self.string_stable:
             return "NOT STRING STABLE"
         return "STRING STABLE" if not self.void else "STRING STABLE BY DESIGN, CERTIFICATE VOID"
@@ -171,12 +190,27 @@ def judge(
         equal,
         (*sampled_too_slowly(scenario, lost), *broken_premises(noise or [], consistency)),
         tuple(verdicts),
-        max(verdicts, key=lambda verdict: (not verdict.string_stable, verdict.l2_gain)),
+        max(verdicts, key=lambda one: (not one.string_stable, one.decided, one.l2_gain)),
         _end_to_end(scenario, verdicts),
     )
 
 
 def _judge_follower(follower: Follower, step: float) -> FollowerVerdict:
+    """Judge by the parameters alone; gains too extreme to compute with are left undecided."""
+    try:
+        with np.errstate(all="ignore"):  # what overflows is refused or fails its test
+            return _decide(follower, step)
+    except UserError as error:
+        why = str(error)
+    except (ArithmeticError, ValueError) as error:
+        why = f"the equations overflow ({error}). Choose gains nearer to 1/tau and 1/tau^2."
+    unknown = (math.nan, math.nan, math.nan, math.nan)
+    return FollowerVerdict(
+        follower.index, False, False, False, False, *unknown, None, why, decided=False
+    )
+
+
+def _decide(follower: Follower, step: float) -> FollowerVerdict:
     gains, rho, tau_max = follower.gains, follower.v2v.rho, follower.tau_max
     worst = worst_l2_gain(gains, rho, tau_max)
     ends = effective_interval(gains.k_a, rho)
@@ -197,7 +231,7 @@ def _judge_follower(follower: Follower, step: float) -> FollowerVerdict:
 
 def _realised(verdict: FollowerVerdict, follower: Follower, mean: float) -> FollowerVerdict:
     """Fill in what holds for the mean w that this run had."""
-    if not abs(mean) < _ABSURD:
+    if not verdict.decided or not abs(mean) < _ABSURD:
         return verdict._replace(follower=follower.index)
     k = follower.gains.k_a * mean
     return verdict._replace(
@@ -214,7 +248,10 @@ def _end_to_end(scenario: Scenario, verdicts: list[FollowerVerdict]) -> float:
     ]
     if not all(math.isfinite(link.k_effective) for link in links):
         return math.nan
-    return certify_chain(links).end_to_end_gain
+    try:
+        return certify_chain(links).end_to_end_gain
+    except UserError:  # one link's own lag is out of reach though tau0 was not
+        return math.nan
 
 
 def warn_if_not_string_stable(scenario: Scenario) -> str | None:
@@ -228,7 +265,9 @@ def warn_if_not_string_stable(scenario: Scenario) -> str | None:
     verdict = judge(scenario)
     if verdict.string_stable:
         return f"{scenario.name}: {verdict.void[0]}. Lower run.step." if verdict.void else None
-    failing = [one.follower for one in verdict.followers if not one.string_stable]
+    if verdict.undecided:
+        return f"the gains cannot be certified: {verdict.weakest.reason}"
+    failing = [one.follower for one in verdict.followers if one.decided and not one.string_stable]
     followers = scenario.followers
     place = scenario.indices.index(failing[0])
     bound = paper_bound_hint(followers[place])

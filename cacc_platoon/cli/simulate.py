@@ -6,13 +6,12 @@ A Monte Carlo beside it (--runs N) shows the spread of noisy runs and that their
 from __future__ import annotations
 
 import argparse
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cacc_platoon.cli.judge import add_verdict_arguments, conclude
+from cacc_platoon.cli.judge import add_verdict_arguments, conclude, warn_before
 from cacc_platoon.cli.progress import ProgressLine
 from cacc_platoon.cli.run import add_scenario_arguments
 from cacc_platoon.errors import UserError
@@ -36,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Simulate, record, judge."""
-    from cacc_platoon.analysis import report_run, warn_if_not_string_stable  # noqa: PLC0415
+    from cacc_platoon.analysis import report_run  # noqa: PLC0415
     from msg_adapters.chaining import with_recorded_leader  # noqa: PLC0415  (heavy)
 
     if options.runs is not None and (not 0 <= options.runs <= MOST_RUNS or options.runs == 1):
@@ -47,8 +46,7 @@ def run(options: argparse.Namespace) -> int:
     scenario = with_recorded_leader(load_scenario(options.scenario, options.set))
     directory = scenario.record.directory
     given = options.output or (Path(directory) if directory else None)
-    if warning := warn_if_not_string_stable(scenario):
-        print(f"platoon: warning: {warning}", file=sys.stderr)
+    warn_before(scenario)
     with ProgressLine() as progress:
         folder = simulate_run(scenario, given or default_run_folder(scenario), progress)
         report = report_run(folder.path, progress, runs=options.runs)

@@ -134,6 +134,8 @@ def is_string_stable(gains: Gains, tau: float, k_effective: float) -> bool:
         return False
     B, c, B_size, c_size = _terms(gains.time_headway, gains.k_v, gains.k_p, tau, k_effective)
     reach = 2.0 * tau * math.sqrt(max(gains.k_p * c, 0.0))
+    if not math.isfinite(B + reach):  # what overflows proves nothing
+        return False
     return bool(c >= -TOLERANCE * c_size and B + reach >= -TOLERANCE * B_size)
 
 

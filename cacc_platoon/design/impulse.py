@@ -176,7 +176,7 @@ def total_variation(impulse: Float, remainder: Float, poles: Complex) -> float:
         require(
             bool(np.min(np.where(poles.imag == 0, -poles.real, np.inf)) * end > _DEAD),
             f"the loop rings for {_DEAD / decay:.3g} half periods beside a mode that is slower "
-            "still: its L1 norm is out of reach. Choose a smaller k_v.",
+            "still: its L1 norm is out of reach. Choose gains nearer to 1/tau and 1/tau^2.",
         )
         zeros = zeros[zeros < end]
     g = inverse_laplace(remainder, poles, np.concatenate(([0.0], zeros)))

@@ -167,6 +167,7 @@ def _in_unit_disc(loop: tuple[Float, ...], period: Float) -> NDArray[np.bool_]:
     return np.asarray(stable, dtype=np.bool_)
 
 
+@np.errstate(all="ignore")  # what overflows counts as not stable
 def sampled_stability_map(
     time_headway: ArrayLike,
     k_v: ArrayLike,
@@ -196,11 +197,10 @@ def sampled_stability_map(
     q[1:] *= scale
     size[1:] *= scale
     q3 = q[3] if len(q) > 3 else np.zeros_like(T)
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        root = np.sqrt(np.maximum(q[2] ** 2 - 3.0 * q3 * q[1], 0.0))
-        pivot = -(q[2] + np.where(q[2] >= 0, root, -root))
-        turning = (pivot / (3.0 * q3), q[1] / pivot)
-    good = _in_unit_disc(hop.loop, T)
+    root = np.sqrt(np.maximum(q[2] ** 2 - 3.0 * q3 * q[1], 0.0))
+    pivot = -(q[2] + np.where(q[2] >= 0, root, -root))
+    turning = (pivot / (3.0 * q3), q[1] / pivot)
+    good = _in_unit_disc(hop.loop, T) & np.isfinite(size).all(axis=0)
     for x in (np.zeros_like(T), np.ones_like(T), *turning):
         y = np.clip(np.nan_to_num(x), 0.0, 1.0)
         value, bound = np.zeros_like(T), np.zeros_like(T)

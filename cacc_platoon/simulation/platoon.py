@@ -47,7 +47,8 @@ def simulate(
     factors = channel_factors(scenario, noise)
     states = propagate(scenario, factors[:, np.newaxis, :], progress)
     position, velocity, acceleration = (np.ascontiguousarray(part[:, 0]) for part in states)
-    received = factors * acceleration[:, :-1]
+    with np.errstate(all="ignore"):
+        received = factors * acceleration[:, :-1]
     return Trajectory(scenario, position, velocity, acceleration, received)
 
 
@@ -58,6 +59,7 @@ def channel_factors(scenario: Scenario, noise: str | None = None) -> Array:
     return np.stack(links, axis=1)
 
 
+@np.errstate(all="ignore")  # an unstable platoon overflows, and that is its result
 def propagate(
     scenario: Scenario, factors: Array, progress: Progress | None = None
 ) -> tuple[Array, Array, Array]:

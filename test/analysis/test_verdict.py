@@ -138,3 +138,22 @@ def test_no_ensemble_where_nothing_is_random(bags, tmp_path):
     assert report.measured.max_abs_spacing_error.tolist() == (
         report.expected.max_abs_spacing_error.tolist()
     )
+
+
+def test_what_overflows_is_never_certified():
+    """k_a^2 and C overflow: a relative tolerance of infinity would let anything pass."""
+    for name in ("k_a", "k_v", "k_p", "time_headway"):
+        verdict = judge(Scenario.from_values({f"controller.{name}": 1e200}))
+        assert not verdict.string_stable
+        assert not verdict.followers[0].sampled
+        assert not verdict.certified
+
+
+def test_a_follower_that_fails_outweighs_one_that_is_undecided():
+    own = {2: {"controller.k_p": 1e6}, 4: {"controller.time_headway": 0.65}}
+    scenario = Scenario.from_values({}, own)
+    verdict = judge(scenario)
+    assert verdict.headline == "NOT STRING STABLE"
+    assert verdict.weakest.follower == 4
+    assert np.isnan(verdict.linf_gain)
+    assert "vehicle 4" in warn_if_not_string_stable(scenario)

@@ -178,3 +178,9 @@ def test_edges():
     assert is_robustly_string_stable(tiny, 5.0, 5e-4)
     with pytest.raises(DesignError, match="period = 0 s"):
         is_sampled_string_stable(A, 5.0, 0.5, 0.0)
+
+
+@pytest.mark.parametrize("gains", [(0.95, 0.5, 0.63, 1e200), (0.95, 1e200, 0.63, 0.009)])
+def test_what_overflows_is_not_stable_and_warns_of_nothing(gains):
+    answer = sampled_stability_map(*gains[:1], *gains[2:], 0.5, gains[1], period=[0.01, 0.1])
+    assert not answer.any()

@@ -6,6 +6,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from cacc_platoon.analysis.page.parts import draw_figures, html_page
 from cacc_platoon.analysis.page.pictures import pictures
 from cacc_platoon.analysis.page.tables import (
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
     from cacc_platoon.analysis.report import Report
 
 
+@np.errstate(all="ignore")  # numbers of an unstable run may overflow in a figure, too
 def render_page(report: Report, figures: Path, progress: Progress | None = None) -> str:
     """Return the page, and write its figures as SVG files.
 

@@ -135,6 +135,8 @@ def _plot_both(far: Axes, close: Axes, band: ResponseBand) -> None:
 
 def _design_pictures(report: Report) -> Iterator[Picture]:
     weakest = report.verdict.weakest
+    if not weakest.decided:
+        return
     follower = report.run.trajectory.scenario.follower(weakest.follower)
     gains, rho, tau_max = follower.gains, follower.v2v.rho, follower.tau_max
     place = report.run.trajectory.scenario.indices.index(weakest.follower)

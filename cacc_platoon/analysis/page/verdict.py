@@ -64,6 +64,8 @@ def _meaning(report: Report) -> str:
             "Disturbances do not grow from vehicle to vehicle, in energy, for any lag up to tau0 "
             f"and any mean noise the SNR permits: sup|H| = {weakest.l2_gain:.9g}. {course}"
         )
+    if verdict.undecided:
+        return f"The gains cannot be certified: {weakest.reason} {course}"
     return (
         f"Disturbances may grow from vehicle to vehicle: {weakest.reason}; "
         f"sup|H| = {weakest.l2_gain:.9g} at {weakest.peak_frequency:.6g} rad/s. {course}"
@@ -79,11 +81,12 @@ def _basis_table(report: Report) -> str:
 def _certificate_rows(report: Report) -> Iterator[tuple[str, str, str]]:
     """Say what follows from the parameters alone."""
     verdict = report.verdict
-    yield "String stable, robustly (L2)", _answer(verdict.string_stable), EXACT_TEST
-    yield "Paper's own test", _answer(verdict.in_paper_region), PAPER_TEST
+    unknown = verdict.undecided
+    yield "String stable, robustly (L2)", _answer(verdict.string_stable, unknown), EXACT_TEST
+    yield "Paper's own test", _answer(verdict.in_paper_region, unknown), PAPER_TEST
     yield (
         "Sampled at the control period",
-        _answer(all(one.sampled for one in verdict.followers)),
+        _answer(all(one.sampled for one in verdict.followers), unknown),
         f"exact test (L2) of the loop under zero-order hold at {report.run.grid.step / 1e9:g} s",
     )
     largest = report.metrics["verdict"]["linf_gain"]
@@ -122,9 +125,12 @@ def _data_rows(report: Report) -> Iterator[tuple[str, str, str]]:
         "every recorded state against one step of plant and control law from the sample before",
     )
     if ensemble := report.metrics["ensemble"]:
+        apart = ensemble["max_standard_errors_from_expectation"]
         yield (
             "Mean of noisy runs",
-            f"at most {ensemble['max_standard_errors_from_expectation']:.3g} standard errors away",
+            "unknown, they overflow"
+            if apart is None
+            else f"at most {apart:.3g} standard errors away",
             f"{ensemble['runs']} simulated runs against the expectation run at every vehicle and "
             "time; the paper's averaging says they agree",
         )
@@ -155,8 +161,8 @@ def _outcome_table(report: Report) -> str:
     )
 
 
-def _answer(holds: bool) -> str:
-    return "yes" if holds else "no"
+def _answer(holds: bool, unknown: bool = False) -> str:
+    return "undecided" if unknown else "yes" if holds else "no"
 
 
 def _g(value: float | None) -> str:
