@@ -9,7 +9,10 @@ import pytest
 from cacc_platoon.analysis import report_run
 from cacc_platoon.analysis.page.tables import look_up
 from cacc_platoon.cli import main
+from cacc_platoon.parameter_table import TABLE
 from cacc_platoon.run_folder import RunFolder
+from cacc_platoon.scenario import Scenario
+from cacc_platoon.scenario_file import format_scenario
 from cacc_platoon.simulation import simulate
 from msg_adapters.recording import PartWriter, recording_of
 from msg_adapters.topics import digest_topics
@@ -209,3 +212,105 @@ def test_report_that_cannot_be_written(run_folder, tmp_path, capsys):
     (tmp_path / "file").write_text("in the way")
     assert main(["report", str(run_folder), "-o", str(tmp_path / "file")]) == 2
     assert "cannot be written" in capsys.readouterr().err
+
+
+# Every parameter at another value than its default.
+CHANGED = {
+    "platoon.followers": 2,
+    "platoon.first_follower": 4,
+    "platoon.standstill_distance": 6.0,
+    "platoon.initial_speed": 20.0,
+    "platoon.namespace": "/other",
+    "vehicle.tau": (0.25, 0.375),
+    "vehicle.tau_max": 0.4375,
+    "controller.time_headway": 1.25,
+    "controller.k_a": 0.46875,
+    "controller.k_v": 0.65625,
+    "controller.k_p": 0.015625,
+    "v2v.rho": 8.0,
+    "v2v.noise": "expected",
+    "v2v.bit_probabilities": (0.125, 0.8125),
+    "v2v.hold": 0.5,
+    "leader.profile": "csv",
+    "leader.start": 0.75,
+    "leader.amplitude": 0.875,
+    "leader.angular_frequency": 0.1875,
+    "leader.acceleration": 1.125,
+    "leader.hold": 1.375,
+    "leader.deceleration": 1.625,
+    "leader.final_speed": 1.75,
+    "leader.file": "speeds.csv",
+    "leader.times": (0.0, 1.5, 3.25),
+    "leader.speeds": (20.0, 21.5, 19.5),
+    "leader.vehicle": 7,
+    "leader.digest": "abc",
+    "run.step": 0.02,
+    "run.duration": 3.0,
+    "run.seed": 77,
+    "run.real_time_factor": 2.5,
+    "run.hosts": 2,
+    "run.spawn": False,
+    "run.by_hand": ("vehicle_4/vehicle", "vehicle_5/noise_relay"),
+    "run.window": 63,
+    "run.start_timeout": 31.5,
+    "run.stall_timeout": 11.5,
+    "record.command": True,
+    "record.spacing_error": True,
+}
+OWN = {"controller.k_v": 0.71875, "v2v.noise": "bits", "v2v.bit_probabilities": (0.34375, 0.5)}
+
+
+def test_every_parameter_can_be_shown(tmp_path):
+    """Through the command and back from the bag, whatever type a value has."""
+    output = tmp_path / "run"
+    values = {**CHANGED, "record.directory": str(output)}
+    assert {n for n in TABLE if n not in values or values[n] == TABLE[n].default} == set()
+    file = tmp_path / "all.yaml"
+    file.write_text(format_scenario(Scenario.from_values(values, {5: OWN})))
+    assert main(["simulate", str(file), "--runs", "2"]) == 0
+    page = (output / "report.html").read_text(encoding="utf-8")
+    text = r'<td class="text">([^<]*)</td><td class="code">([^<]*)</td>'
+    shown = dict(re.findall(text, page))
+    own = {f"vehicle_5: {name}": value for name, value in OWN.items()}
+    for name, value in {**values, **own}.items():
+        items = value if isinstance(value, tuple) else (value,)
+        words = [f"{i:g}" if isinstance(i, float) else str(i) for i in items]
+        # a scenario is resolved when it is written: the table stands for its file
+        assert shown[name] == ("" if name == "leader.file" else ", ".join(words)), name
+
+
+@pytest.mark.parametrize(
+    ("setting", "check"),
+    [
+        ("controller.k_p=1e6", False),
+        ("controller.k_p=1e6", True),
+        ("controller.k_p=1e200", False),
+        ("controller.k_p=1e200", True),
+        ("vehicle_2.controller.k_p=1e6", True),
+        ("controller.k_v=1e200", False),
+        ("controller.k_p=1e-300", True),
+        ("controller.time_headway=1e200", True),
+    ],
+)
+def test_gains_too_extreme_to_certify_are_run_and_reported(tmp_path, capsys, setting, check):
+    """A warning instead of a refusal; pytest turns numpy's warnings into errors."""
+    file = tmp_path / "short.yaml"
+    file.write_text("/**: {ros__parameters: {platoon: {followers: 3}, run: {duration: 2.0}}}\n")
+    arguments = ["simulate", str(file), "--runs", "2", "--set", setting]
+    arguments += ["-o", str(tmp_path / "run"), *(["--check"] if check else [])]
+    assert main(arguments) == (3 if check else 0)
+    out, err = capsys.readouterr()
+    assert out.startswith("NOT CERTIFIED")
+    assert "undecided: the " in out
+    assert re.match("platoon: warning: the gains cannot be certified: the (loop|modes) ", err)
+    assert err.count("\n") == 1
+    assert "a smaller k_v" not in err  # it may be the other gain that is too large
+    text = (tmp_path / "run" / "metrics.json").read_text()
+    metrics = json.loads(text, parse_constant=pytest.fail)
+    assert metrics["verdict"]["certified"] is False
+    assert metrics["verdict"]["l2_gain"] is metrics["verdict"]["linf_gain"] is None
+    assert metrics["verdict"]["reason"] in err
+    undecided = [one for one in metrics["verdict"]["per_follower"] if not one["decided"]]
+    assert len(undecided) == (1 if "vehicle" in setting else 3)
+    page = (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
+    assert "The gains cannot be certified: the " in page

@@ -129,10 +129,9 @@ def fact_table(facts: Sequence[tuple[str, object]]) -> str:
 
 
 def _parameter(name: str, value: object, unit: str, meaning: str) -> str:
-    if isinstance(value, tuple):
-        shown = ", ".join(f"{item:g}" for item in value) or "none"
-    else:
-        shown = f"{value:g}" if isinstance(value, float) else str(value)
+    items = value if isinstance(value, tuple) else (value,)
+    words = [f"{item:g}" if isinstance(item, float) else str(item) for item in items]
+    shown = ", ".join(words) if words else "none"
     text = (html.escape(part) for part in (name, shown, unit, meaning))
     return "".join(
         f'<td class="{kind}">{t}</td>'
