@@ -18,9 +18,9 @@ VERBS = ("design", "run", "simulate", "report", "replay", "paper", "parameters",
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one verb and return its exit code."""
-    parser = _parser()
-    options = parser.parse_args(arguments)
+    given = sys.argv[1:] if arguments is None else arguments
     try:
+        options = _parser(_asked(given)).parse_args(given)
         code: int = options.verb.run(options)
         sys.stdout.flush()
     except UserError as error:
@@ -35,7 +35,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return code
 
 
-def _parser() -> argparse.ArgumentParser:
+def _asked(arguments: Sequence[str]) -> Sequence[str]:
+    """Return the verb that is asked for, or all of them for help and for errors."""
+    return arguments[:1] if arguments and arguments[0] in VERBS else VERBS
+
+
+def _parser(names: Sequence[str]) -> argparse.ArgumentParser:
+    """Return a parser of these verbs; each costs the import of its module."""
     parser = argparse.ArgumentParser(
         prog="platoon",
         description="Choose, run, record and judge a platoon under noisy V2V communication.",
@@ -43,7 +49,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"cacc_platoon {__version__}")
     verbs = parser.add_subparsers(required=True, metavar="VERB")
-    for name in VERBS:
+    for name in names:
         module = importlib.import_module(f"cacc_platoon.cli.{name}")
         summary = _summary(module)
         verb = verbs.add_parser(name, help=summary, description=summary)
