@@ -132,3 +132,12 @@ def test_a_constant_channel_is_constant():
 def test_sample_by_sample_access_in_any_order(samples):
     stream, whole = FactorStream(paper_channel()), paper_channel().factors(0, 4 * BLOCK + 1)
     assert [stream.at(k) for k in samples] == whole[samples].tolist()
+
+
+@pytest.mark.parametrize("hold", [1, 3])
+def test_a_stream_of_several_blocks_is_the_channels(hold):
+    length = 2 * BLOCK + BLOCK // 2
+    stream = FactorStream(paper_channel(hold=hold))
+    values = [stream.at(k) for k in range(length)]
+    assert values == paper_channel(hold=hold).factors(0, length).tolist()
+    assert len({tuple(values[k : k + 100]) for k in (0, BLOCK, 2 * BLOCK)}) == 3

@@ -205,3 +205,14 @@ def test_progress_is_told():
     told = []
     simulate(Scenario.from_values({"run.duration": 15.0}), progress=lambda *at: told.append(at))
     assert told == [(0, 1501), (500, 1501), (1000, 1501)]
+
+
+@pytest.mark.parametrize("first", [1, 40])
+def test_every_link_draws_its_own_noise(first):
+    followers = {"platoon.followers": 12, "platoon.first_follower": first}
+    scenario = Scenario.from_values({**followers, "run.duration": 1.0})
+    links = [scenario.follower(i).channel().factors(0, 200) for i in scenario.indices]
+    for one, link in enumerate(links):
+        for other in links[:one]:
+            assert (link != other).mean() > 0.5  # 16 bits: two draws are hardly ever equal
+    np.testing.assert_array_equal(channel_factors(scenario)[:101], np.array(links).T[:101])
