@@ -304,6 +304,12 @@ class Platoon:
         self.wait(lambda: publisher.get_subscription_count() > 0, PATIENCE, "a subscriber")
         return lambda stamp, x: publisher.publish(topic.codec.encode(stamp, x))
 
+    def send(self, message: Any, topic: str) -> None:
+        """Publish one message on any topic, as a stranger would."""
+        publisher = self._node.create_publisher(type(message), topic, qos.latched())
+        self.wait(lambda: publisher.get_subscription_count() > 0, PATIENCE, "a subscriber")
+        publisher.publish(message)
+
     def subscribe(self, message_type: type, topic: str, receive: Callable[[Any], None]) -> None:
         """Call a function with the messages of any topic, while the harness waits."""
         self._node.create_subscription(message_type, topic, receive, 10)

@@ -102,7 +102,7 @@ def scenario_of(node: Node, *own: str) -> Scenario:
 
 LOCAL = {
     *("run.hosts", "run.spawn", "run.by_hand", "run.real_time_factor", "run.start_timeout"),
-    *("run.stall_timeout", "record.directory", "leader.file"),
+    *("run.stall_timeout", "record.directory", "leader.file", "leader.digest"),
 }
 """Parameters of which a node started by hand may have values of its own."""
 

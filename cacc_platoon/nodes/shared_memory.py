@@ -19,6 +19,7 @@ from pathlib import Path
 SHARED_MEMORY = Path("/dev/shm")
 _PREFIXES = ("fastrtps_", "fastdds_")
 _LOCK = "_el"
+_PORT = "_port"
 _MAPS = Path("/proc/self/maps")
 
 
@@ -70,10 +71,12 @@ def sweep() -> list[str]:
 
 def leftovers() -> set[str]:
     """Return the names of all segments and ports, whoever made them, that nobody owns."""
-    files = (file.name for file in SHARED_MEMORY.iterdir() if file.name.startswith(_PREFIXES))
+    names = {file.name for file in SHARED_MEMORY.iterdir() if file.name.startswith(_PREFIXES)}
     found = set()
-    for name in {file.removesuffix(_LOCK) for file in files}:
+    for name in names:
         lock = SHARED_MEMORY / f"{name}{_LOCK}"
+        if name.endswith(_LOCK) and (_PORT in name or name.removesuffix(_LOCK) in names):
+            continue
         with contextlib.suppress(OSError):
             if lock.exists():
                 with lock.open("ab") as handle:
@@ -87,14 +90,18 @@ def _remove_unowned(names: set[str]) -> list[str]:
 
 
 def _remove(name: str) -> list[str]:
-    """Remove one segment or port with its lock and its mutex, holding the lock meanwhile.
+    """Remove one segment or port and its mutex, holding its lock meanwhile.
 
-    Whoever wants to open it in that moment fails to lock it and takes another.
+    Whoever wants to open it in that moment fails to lock it and takes another. The empty lock
+    file of a port stays, because ports are used again: a process that has opened it already would
+    hold a lock that nobody else sees, and the port would be taken from it.
     """
     lock = SHARED_MEMORY / f"{name}{_LOCK}"
-    files = (SHARED_MEMORY / name, SHARED_MEMORY / f"sem.{name}_mutex", lock)
+    files = [SHARED_MEMORY / name, SHARED_MEMORY / f"sem.{name}_mutex"]
     if not any(file.exists() for file in files):
         return []
+    if _PORT not in name:
+        files.append(lock)
     removed = []
     with contextlib.suppress(OSError), lock.open("ab") as handle:  # locked, or another user's
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)

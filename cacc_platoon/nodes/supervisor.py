@@ -19,6 +19,7 @@ from cacc_platoon.scenario_file import format_scenario
 from msg_adapters.topics import PlatoonTopics, run_topics
 
 MAX_HOSTS = 1000
+UNKNOWN = "_NODE_NAME_UNKNOWN_"
 GRAPH_PERIOD = 0.5
 
 
@@ -157,7 +158,9 @@ class SupervisorNode(Node):  # type: ignore[misc]
     def _on_host_state(self, message: String) -> None:
         host = heard(message.data)
         if host is None:
-            self._strange.append(f"{self.topics.host_state}: a message that no host of ours sends")
+            self._strange.append(
+                f"{self.topics.host_state}: a message from another publisher, no host of ours"
+            )
             return
         name = host["host"]
         if host["run"] != self.run:
@@ -212,6 +215,7 @@ class SupervisorNode(Node):  # type: ignore[misc]
                 info
                 for info in self.get_subscriptions_info_by_topic(topic.name)
                 if f"{info.node_namespace.rstrip('/')}/{info.node_name}" not in own
+                and info.node_name != UNKNOWN
                 and info.qos_profile.durability == DurabilityPolicy.VOLATILE
             ]
             counts[topic.name] = wanted[topic.name] + len(strangers)

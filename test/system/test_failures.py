@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from rosbags.rosbag2 import Reader
+from std_msgs.msg import Int64, String
 
 from cacc_platoon.testing import Platoon
 from msg_adapters.topics import VehicleTopics
@@ -156,6 +157,47 @@ def test_a_foreign_publisher_is_named(platoon: Start) -> None:
     assert result.exit_code == 1
     assert "/platoon/vehicle_1/pose" in result.message or "pose of vehicle_1" in result.message
     assert "another publisher" in result.message or "observer" in result.message
+
+
+@pytest.mark.parametrize(
+    ("message", "topic"),
+    [
+        (String(data="nonsense"), "/platoon/host_state"),
+        (String(data="{}"), "/platoon/host_state"),
+        (String(data="nonsense"), "/platoon/status"),
+        (Int64(data=10**9), "/platoon/host_0/recorded"),
+        (Int64(data=0), "/platoon/vehicle_2/v2v/complete"),
+    ],
+)
+def test_a_strange_message_ends_the_run_by_name(
+    platoon: Start, message: String | Int64, topic: str
+) -> None:
+    run = platoon(*SMALL, hosts=2)
+    run.wait_sample(100)
+    run.send(message, topic)
+    result = run.result(timeout=20)
+    assert result.exit_code == 1
+    assert "Traceback" not in result.errors
+    named = topic.removeprefix("/platoon/").replace("/recorded", "").replace("/v2v/complete", "")
+    assert named.replace("host_0", "host 0") in result.message or topic in result.message
+    assert "publisher" in result.message
+    assert_bag_is_readable(run, at_least=100)
+
+
+@pytest.mark.parametrize(
+    ("node", "parameter"),
+    [
+        ("vehicle_2/vehicle", "controller.k_p:=0.01"),
+        ("vehicle_2/noise_relay", "run.seed:=7"),
+        ("vehicle_2/vehicle", "run.step:=0.02"),
+    ],
+)
+def test_a_node_with_other_parameters_is_named(platoon: Start, node: str, parameter: str) -> None:
+    run = platoon(*SMALL, f"run.by_hand=[{node}]")
+    run.start(node, parameters=[parameter])
+    result = run.result(timeout=30)
+    assert result.exit_code == 1
+    assert f"{node}: {parameter.partition(':=')[0]} = " in result.message
 
 
 def test_nan_on_a_topic_is_named(platoon: Start) -> None:

@@ -137,6 +137,15 @@ def test_nodes_by_hand_may_record_themselves(platoon: Start, tmp_path: Path) -> 
     }
 
 
+def test_what_is_asked_for_is_recorded_of_nodes_by_hand_too(platoon: Start) -> None:
+    settings = ("run.duration=3", "platoon.followers=2", "record.command=true")
+    run = platoon(*settings, "run.by_hand=[vehicle_2/vehicle]")
+    run.start("vehicle_2/vehicle")
+    result = run.result()
+    assert result.info["messages"]["/platoon/vehicle_1/command"] == 301
+    assert result.info["messages"]["/platoon/vehicle_2/command"] == 301
+
+
 def test_another_seed_gives_another_run(platoon: Start, expected: str) -> None:
     assert platoon(*SHORT, "run.seed=2").result().digest != expected
 

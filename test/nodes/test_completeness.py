@@ -1,0 +1,37 @@
+"""A run is finished only when every topic has every sample."""
+
+import pytest
+
+from cacc_platoon.nodes.host import recorded_topics
+from cacc_platoon.nodes.launcher import plan_hosts
+from cacc_platoon.nodes.supervision import incomplete
+from cacc_platoon.scenario import Scenario
+from cacc_platoon.simulation import simulate
+from msg_adapters.recording import TopicRecord, recording_of
+
+SCENARIO = Scenario.from_values({"run.duration": 1.0, "platoon.followers": 2}, None, "test")
+NODES = SCENARIO.node_names
+
+
+def test_a_whole_run_lacks_nothing() -> None:
+    assert incomplete(SCENARIO, recording_of(simulate(SCENARIO))) == ""
+
+
+@pytest.mark.parametrize("topic", [topic.name for topic in recorded_topics(SCENARIO)])
+def test_one_missing_message_is_named(topic: str) -> None:
+    recording = recording_of(simulate(SCENARIO))
+    record = recording[topic]
+    recording[topic] = TopicRecord(record.type_name, record.messages[:-1])
+    assert incomplete(SCENARIO, recording) == f"{topic}: only 100 of 101 samples were recorded"
+
+
+def test_what_a_vehicle_publishes_when_asked_belongs_to_the_run() -> None:
+    asked = {"record.command": True, "record.spacing_error": True}
+    scenario = Scenario.from_values({"platoon.followers": 1, **asked}, None, "test")
+    names = {topic.name for topic in recorded_topics(scenario)}
+    assert {"/platoon/vehicle_1/command", "/platoon/vehicle_1/spacing_error"} < names
+
+
+def test_no_host_is_planned_when_every_node_is_started_by_hand(tmp_path) -> None:
+    scenario = Scenario.from_values({"platoon.followers": 2, "run.by_hand": NODES}, None, "test")
+    assert plan_hosts(scenario, tmp_path, "run") == []
