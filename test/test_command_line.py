@@ -50,7 +50,7 @@ def test_help_shows_every_verb_with_its_summary(capsys):
 
 
 @pytest.mark.parametrize(
-    "arguments", [[], ["runn"], ["--wrong", "doctor"], ["run", "a", "--wrong"]]
+    "arguments", [[], ["rnu"], ["--wrong", "doctor"], ["run", "a", "--wrong"]]
 )
 def test_a_wrong_command_line_is_refused_with_the_usage(arguments, capsys):
     with pytest.raises(SystemExit) as end:
@@ -58,5 +58,5 @@ def test_a_wrong_command_line_is_refused_with_the_usage(arguments, capsys):
     assert end.value.code == 2
     error = capsys.readouterr().err
     assert error.startswith("usage: platoon [-h] [--version] VERB ...\n")
-    if arguments == ["runn"]:
+    if arguments == ["rnu"]:
         assert all(f"'{verb}'" in error for verb in VERBS)
