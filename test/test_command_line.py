@@ -49,9 +49,7 @@ def test_help_shows_every_verb_with_its_summary(capsys):
         assert f"{verb} {module.__doc__.partition(chr(10))[0]}" in text
 
 
-@pytest.mark.parametrize(
-    "arguments", [[], ["rnu"], ["--wrong", "doctor"], ["run", "a", "--wrong"]]
-)
+@pytest.mark.parametrize("arguments", [[], ["rnu"], ["--wrong", "doctor"], ["run", "a", "--wrong"]])
 def test_a_wrong_command_line_is_refused_with_the_usage(arguments, capsys):
     with pytest.raises(SystemExit) as end:
         main(arguments)
