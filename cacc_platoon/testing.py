@@ -35,12 +35,13 @@ import rclpy
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 from std_msgs.msg import String
 
 from cacc_platoon.dds import prefer_local
 from cacc_platoon.nodes import qos
 from cacc_platoon.nodes.node import MESSAGE_TYPES
-from cacc_platoon.nodes.session import heard
+from cacc_platoon.nodes.session import ENDED, heard
 from cacc_platoon.nodes.shared_memory import cleared_segments
 from cacc_platoon.run_folder import INFO_FILE, RunFolder
 from cacc_platoon.scenario import Scenario
@@ -163,14 +164,8 @@ class Platoon:
         self._run(
             "supervisor",
             [
-                sys.executable,
-                "-m",
-                "cacc_platoon",
-                "run",
-                str(self.scenario_file),
-                "-o",
-                str(self.folder.path),
-                *self._flags,
+                *(sys.executable, "-m", "cacc_platoon", "run", str(self.scenario_file)),
+                *("-o", str(self.folder.path), *self._flags),
             ],
             self._output,
             self._errors,
@@ -301,13 +296,21 @@ class Platoon:
         """Return a function that publishes (stamp [ns], x) on a topic as a stranger would."""
         message_type = MESSAGE_TYPES[topic.kind.type_name]
         publisher = self._node.create_publisher(message_type, topic.name, qos.stream(self.scenario))
-        self.wait(lambda: publisher.get_subscription_count() > 0, PATIENCE, "a subscriber")
+        self._wait_matched(publisher)
         return lambda stamp, x: publisher.publish(topic.codec.encode(stamp, x))
+
+    def _wait_matched(self, publisher: Publisher) -> None:
+        """Wait for a subscriber, or for the end: a stranger may be noticed before it has spoken."""
+        self.wait(
+            lambda: publisher.get_subscription_count() > 0 or self._status["state"] in ENDED,
+            PATIENCE,
+            "a subscriber",
+        )
 
     def send(self, message: Any, topic: str) -> None:
         """Publish one message on any topic, as a stranger would."""
         publisher = self._node.create_publisher(type(message), topic, qos.latched())
-        self.wait(lambda: publisher.get_subscription_count() > 0, PATIENCE, "a subscriber")
+        self._wait_matched(publisher)
         publisher.publish(message)
 
     def subscribe(self, message_type: type, topic: str, receive: Callable[[Any], None]) -> None:
@@ -377,13 +380,7 @@ class Platoon:
 
 @contextlib.contextmanager
 def own_domain() -> Iterator[int]:
-    """Hold a DDS domain that no other test on this machine holds.
-
-    Raises
-    ------
-    RuntimeError
-        When all are taken.
-    """
+    """Hold a DDS domain that no other test on this machine holds; RuntimeError if none is free."""
     folder = Path(tempfile.gettempdir()) / f"cacc_platoon-domains-{os.getuid()}"
     folder.mkdir(mode=0o700, exist_ok=True)
     candidates = list(DOMAINS)
