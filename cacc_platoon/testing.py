@@ -14,10 +14,8 @@ own, start its node by hand: see `by_hand`.
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import json
 import os
-import random
 import shutil
 import signal
 import subprocess
@@ -25,7 +23,7 @@ import sys
 import tempfile
 import time
 import weakref
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -38,18 +36,18 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from std_msgs.msg import String
 
-from cacc_platoon.dds import prefer_local
+from cacc_platoon.dds.domain import own_domain
+from cacc_platoon.dds.environment import prefer_local
+from cacc_platoon.dds.shared_memory import cleared_segments
 from cacc_platoon.nodes import qos
 from cacc_platoon.nodes.node import MESSAGE_TYPES
 from cacc_platoon.nodes.session import ENDED, heard
-from cacc_platoon.nodes.shared_memory import cleared_segments
 from cacc_platoon.run_folder import INFO_FILE, RunFolder
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario_file import format_scenario, load_scenario
 from cacc_platoon.simulation import Trajectory
 from msg_adapters.topics import PlatoonTopics, Topic
 
-DOMAINS = range(1, 101)
 PATIENCE = 60.0
 GOODBYE = 10.0
 MARK = "CACC_PLATOON_TEST"
@@ -376,21 +374,3 @@ class Platoon:
             for process in self._processes.values():
                 with contextlib.suppress(subprocess.TimeoutExpired):
                     process.wait(max(0.0, deadline - time.monotonic()))
-
-
-@contextlib.contextmanager
-def own_domain() -> Iterator[int]:
-    """Hold a DDS domain that no other test on this machine holds; RuntimeError if none is free."""
-    folder = Path(tempfile.gettempdir()) / f"cacc_platoon-domains-{os.getuid()}"
-    folder.mkdir(mode=0o700, exist_ok=True)
-    candidates = list(DOMAINS)
-    random.shuffle(candidates)
-    for domain in candidates:
-        with (folder / str(domain)).open("w") as lock:
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                continue
-            yield domain
-            return
-    raise RuntimeError(f"all DDS domains from 1 to 100 are taken; see the locks in {folder}")

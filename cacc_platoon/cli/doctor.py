@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from cacc_platoon import __version__
 from cacc_platoon.cli.exit_codes import DONE, FAILED
-from cacc_platoon.dds import prefer_local
+from cacc_platoon.dds.environment import prefer_local
 
 LIBRARIES = ("numpy", "rosbags", "ruamel.yaml", "matplotlib")
 ENVIRONMENT = (
@@ -109,7 +109,7 @@ def _discovery() -> Finding:
 
 def _shared_memory() -> Finding:
     try:
-        from cacc_platoon.nodes.shared_memory import sweep  # noqa: PLC0415
+        from cacc_platoon.dds.shared_memory import sweep  # noqa: PLC0415
     except ImportError:
         return Finding("shared memory", True, "not used without rclpy")
     removed = sweep()

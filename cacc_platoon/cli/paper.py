@@ -18,7 +18,7 @@ from cacc_platoon.cli.progress import ProgressLine
 from cacc_platoon.cli.ros import prepare_nodes, require_ros
 from cacc_platoon.cli.simulate import simulate_run
 from cacc_platoon.errors import UserError
-from cacc_platoon.signals import StopSignal
+from cacc_platoon.stop_signal import StopSignal
 
 if TYPE_CHECKING:
     from cacc_platoon.scenario import Scenario

@@ -19,8 +19,9 @@ from cacc_platoon.cli.console import libraries_on_stderr
 from cacc_platoon.cli.exit_codes import DONE, FAILED
 from cacc_platoon.cli.progress import ProgressLine
 from cacc_platoon.cli.ros import prepare_nodes, require_ros
+from cacc_platoon.dds.domain import own_domain
 from cacc_platoon.errors import UserError
-from cacc_platoon.signals import StopSignal
+from cacc_platoon.stop_signal import StopSignal
 
 if TYPE_CHECKING:
     from cacc_platoon.analysis.replay import NodeRecord, WhatIf
@@ -124,8 +125,6 @@ def _replay(
 @contextlib.contextmanager
 def _domain(number: int | None) -> Iterator[None]:
     """Use a DDS domain on this machine only, one that no other process of ours uses by default."""
-    from cacc_platoon.testing import own_domain  # noqa: PLC0415  (needs ROS)
-
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     chosen = contextlib.nullcontext(number) if number is not None else own_domain()
     with chosen as domain:

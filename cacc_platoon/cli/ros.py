@@ -6,9 +6,9 @@ import os
 import signal
 
 from cacc_platoon.cli.console import libraries_on_stderr
-from cacc_platoon.dds import prefer_local
+from cacc_platoon.dds.environment import prefer_local
 from cacc_platoon.errors import UserError
-from cacc_platoon.signals import StopSignal
+from cacc_platoon.stop_signal import StopSignal
 
 ROS_MODULES = ("rclpy", "rcl_interfaces", "std_msgs", "geometry_msgs")
 

@@ -25,7 +25,7 @@ from cacc_platoon.nodes.recorder import RecorderNode
 from cacc_platoon.nodes.session import HostSession
 from cacc_platoon.nodes.vehicle import VehicleNode
 from cacc_platoon.scenario import Follower
-from cacc_platoon.signals import StopSignal
+from cacc_platoon.stop_signal import StopSignal
 from msg_adapters.topics import run_topics
 
 BAD_INPUT = 2

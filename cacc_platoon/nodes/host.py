@@ -15,7 +15,7 @@ from rclpy.executors import Executor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from cacc_platoon.nodes import shared_memory
+from cacc_platoon.dds import shared_memory
 from cacc_platoon.nodes.executor import create_executor, spin_for
 from cacc_platoon.nodes.leader import LeaderNode
 from cacc_platoon.nodes.noise_relay import NoiseRelayNode
@@ -23,7 +23,7 @@ from cacc_platoon.nodes.recorder import RecorderNode
 from cacc_platoon.nodes.session import HostSession
 from cacc_platoon.nodes.vehicle import VehicleNode
 from cacc_platoon.scenario import Scenario
-from cacc_platoon.signals import StopSignal
+from cacc_platoon.stop_signal import StopSignal
 from msg_adapters.topics import Topic, VehicleTopics
 
 NODE_CLASSES = {"leader": LeaderNode, "vehicle": VehicleNode, "noise_relay": NoiseRelayNode}

@@ -19,8 +19,9 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Int64
 
+from cacc_platoon.dds import shared_memory
 from cacc_platoon.model import State
-from cacc_platoon.nodes import qos, shared_memory
+from cacc_platoon.nodes import qos
 from cacc_platoon.nodes.executor import create_executor, spin_for
 from cacc_platoon.nodes.host import NODE_CLASSES, serve
 from cacc_platoon.nodes.launcher import HostProcesses
@@ -30,7 +31,7 @@ from cacc_platoon.nodes.supervision import ADVICE, GOODBYE_TIMEOUT, TICK, RunFai
 from cacc_platoon.nodes.supervisor import SupervisorNode
 from cacc_platoon.nodes.vehicle import VehicleNode
 from cacc_platoon.scenario import Scenario
-from cacc_platoon.signals import StopSignal
+from cacc_platoon.stop_signal import StopSignal
 from msg_adapters.topics import Topic, VehicleTopics
 
 Feed = Sequence[tuple[Topic, Sequence[bytes | None]]]

@@ -15,8 +15,8 @@ from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import Executor
 from rclpy.signals import SignalHandlerOptions
 
+from cacc_platoon.dds import shared_memory
 from cacc_platoon.errors import UserError
-from cacc_platoon.nodes import shared_memory
 from cacc_platoon.nodes.diagnosis import diagnose
 from cacc_platoon.nodes.executor import create_executor, spin_for
 from cacc_platoon.nodes.host import FLUSH_PERIOD, recorded_topics

@@ -14,7 +14,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from cacc_platoon.testing import own_domain
+from cacc_platoon.dds.domain import own_domain
 
 PAPER_A = Path(__file__).parents[2] / "config" / "paper_a.yaml"
 

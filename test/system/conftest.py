@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from cacc_platoon.nodes.shared_memory import leftovers
+from cacc_platoon.dds.shared_memory import leftovers
 from cacc_platoon.testing import Platoon
 
 CONFIG = Path(__file__).parents[2] / "config"

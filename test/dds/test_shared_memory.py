@@ -9,14 +9,14 @@ from pathlib import Path
 
 import pytest
 
-from cacc_platoon.nodes import shared_memory
+from cacc_platoon.dds import shared_memory
 
 HOLD = """
 import fcntl, sys
 folder, name = sys.argv[1:]
 lock = open(f"{folder}/{name}_el", "w")
 fcntl.flock(lock, fcntl.LOCK_EX)
-from cacc_platoon.nodes import shared_memory
+from cacc_platoon.dds import shared_memory
 shared_memory.SHARED_MEMORY = shared_memory.Path(folder)
 shared_memory.used_segments = lambda: {name}
 shared_memory.note_segments()

@@ -1,0 +1,1 @@
+"""How DDS is set up on this machine: environment, domains, shared memory; no rclpy."""
