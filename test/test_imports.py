@@ -33,7 +33,8 @@ ROOMS = {
     "errors": Room(set(), set()),
     "model": Room({"errors"}, {"numpy"}),
     "scenario": Room({"errors", "model"}, {"numpy", "ruamel"}),
-    "design": Room({"errors", "model"}, {"numpy"}, {"matplotlib"}),
+    "theory": Room({"errors", "model"}, {"numpy"}),
+    "design": Room({"errors", "model", "theory"}, {"numpy"}, {"matplotlib"}),
     "simulation": Room(SCENARIO, {"numpy"}),
     "msg_adapters": Room({*SCENARIO, "simulation"}, {"numpy", "rosbags"}),
     "run_folder": Room({*SCENARIO, "simulation", "msg_adapters"}, {"numpy"}),
@@ -41,7 +42,7 @@ ROOMS = {
     "dds": Room(set(), set()),
     "nodes": Room({*CORE, "stop_signal", "dds"}, {"numpy", *ROS}),
     "analysis": Room(
-        {*CORE, "design"},
+        {*CORE, "theory", "design"},
         {"numpy", "rosbags", "ruamel"},
         {"matplotlib"},
     ),
@@ -50,7 +51,7 @@ ROOMS = {
         {"numpy", *ROS},
     ),
     "cli": Room(
-        {*CORE, "stop_signal", "dds", "design", "analysis"},
+        {*CORE, "stop_signal", "dds", "theory", "design", "analysis"},
         {"numpy", "ruamel"},
         {"matplotlib", "nodes", "testing", *ROS},
     ),

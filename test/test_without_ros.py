@@ -61,7 +61,7 @@ def test_every_pure_module_can_be_imported():
     assert answer.returncode == 0, answer.stderr
 
 
-@pytest.mark.parametrize("room", ["model", "design", "simulation", "scenario"])
+@pytest.mark.parametrize("room", ["model", "theory", "design", "simulation", "scenario"])
 def test_the_core_needs_numpy_alone(room):
     absent = "matplotlib rosbags ruamel scipy control mcap yaml"
     answer = run_without(f"import cacc_platoon.{room}", also=absent)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from cacc_platoon.analysis.consistency import Consistency
 from cacc_platoon.analysis.noise import LinkNoise
-from cacc_platoon.design import (
+from cacc_platoon.scenario import Follower, Scenario
+from cacc_platoon.theory import (
     critical_period,
     headway_bound,
     is_internally_stable,
@@ -13,8 +14,7 @@ from cacc_platoon.design import (
     minimum_headway,
     propagation_margins,
 )
-from cacc_platoon.design.paper import effective_interval
-from cacc_platoon.scenario import Follower, Scenario
+from cacc_platoon.theory.noise_interval import effective_interval
 
 
 def failing_condition(follower: Follower) -> str:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cacc_platoon.design.paper import effective_interval
+from cacc_platoon.theory.noise_interval import effective_interval
 
 if TYPE_CHECKING:
     from cacc_platoon.analysis.report import Report

@@ -16,7 +16,9 @@ from cacc_platoon.analysis.reasons import (
     paper_bound_hint,
     sampled_too_slowly,
 )
-from cacc_platoon.design import (
+from cacc_platoon.errors import UserError
+from cacc_platoon.scenario import Follower, Scenario
+from cacc_platoon.theory import (
     Link,
     certify_chain,
     in_paper_region,
@@ -27,9 +29,7 @@ from cacc_platoon.design import (
     linf_gain,
     worst_l2_gain,
 )
-from cacc_platoon.design.paper import effective_interval
-from cacc_platoon.errors import UserError
-from cacc_platoon.scenario import Follower, Scenario
+from cacc_platoon.theory.noise_interval import effective_interval
 
 EXACT_TEST = (
     "exact test: C >= 0 and B + 2 tau sqrt(C) >= 0 at both ends of I = [m k_a, M k_a] and tau0, "

@@ -8,19 +8,19 @@ import math
 import sys
 from pathlib import Path
 
-from cacc_platoon.design.answer import Question, answer
-from cacc_platoon.design.certificate import NoiseStatistics
-from cacc_platoon.design.designs import Recommendation, Requirements, paper_design
-from cacc_platoon.design.errors import DesignError
-from cacc_platoon.design.explain import explain_bounds, explain_design
 from cacc_platoon.design.gallery import save_gallery
-from cacc_platoon.design.paper import rho_from_snr_db
+from cacc_platoon.design.question import Question, answer
+from cacc_platoon.design.requirements import Recommendation, Requirements, paper_design
 from cacc_platoon.design.text import render
 from cacc_platoon.model.channel import expected_factor, factor_variance
 from cacc_platoon.model.control import Gains
 from cacc_platoon.parameter_table import V2V
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario_file import format_scenario
+from cacc_platoon.theory.certificate import NoiseStatistics
+from cacc_platoon.theory.errors import DesignError
+from cacc_platoon.theory.explanation import explain_bounds, explain_design
+from cacc_platoon.theory.noise_interval import rho_from_snr_db
 
 _NOT_STRING_STABLE = 3
 _DURATION = 200.0

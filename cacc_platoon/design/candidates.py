@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from cacc_platoon.design.latency import latency_headroom
-from cacc_platoon.design.paper import effective_interval
-from cacc_platoon.design.region import exact_region, minimum_headway
-from cacc_platoon.design.sampled import sampled_stability_map
 from cacc_platoon.model.control import Gains
+from cacc_platoon.theory.latency import latency_headroom
+from cacc_platoon.theory.noise_interval import effective_interval
+from cacc_platoon.theory.region import exact_region, minimum_headway
+from cacc_platoon.theory.sampled import sampled_stability_map
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -10,18 +10,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cacc_platoon.design.paper import effective_interval
+from cacc_platoon.theory.noise_interval import effective_interval
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from cacc_platoon.design.curves import BoundCurve, HeadwayOverSnr, ResponseBand, SlopeCurve
-    from cacc_platoon.design.designs import Design
-    from cacc_platoon.design.paper import PaperRegion
-    from cacc_platoon.design.region import ExactRegion
+    from cacc_platoon.design.requirements import Design
     from cacc_platoon.model.control import Gains
+    from cacc_platoon.theory.curves import BoundCurve, HeadwayOverSnr, ResponseBand, SlopeCurve
+    from cacc_platoon.theory.region import ExactRegion
+    from cacc_platoon.theory.theorem2 import PaperRegion
 
 __all__ = [
     "plot_headway_bounds",

@@ -8,21 +8,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cacc_platoon.design import figures
-from cacc_platoon.design.curves import (
+from cacc_platoon.theory.curves import (
     bound_curves,
     headway_over_snr,
     response_band,
     slope_curve,
 )
-from cacc_platoon.design.errors import DesignError
-from cacc_platoon.design.paper import paper_region
-from cacc_platoon.design.region import exact_region
+from cacc_platoon.theory.errors import DesignError
+from cacc_platoon.theory.region import exact_region
+from cacc_platoon.theory.theorem2 import paper_region
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from cacc_platoon.design.designs import Recommendation
+    from cacc_platoon.design.requirements import Recommendation
     from cacc_platoon.model.control import Gains
 
 __all__ = ["save_gallery"]

@@ -13,18 +13,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cacc_platoon.design.candidates import Candidates, Estimates, sample_region
-from cacc_platoon.design.designs import (
+from cacc_platoon.design.pareto import pareto_front, ranks, spread_out
+from cacc_platoon.design.request import check_request
+from cacc_platoon.design.requirements import (
     Design,
     Recommendation,
     Requirements,
     assess,
     paper_design,
 )
-from cacc_platoon.design.errors import require
-from cacc_platoon.design.paper import k_a_max, optimum
-from cacc_platoon.design.pareto import pareto_front, ranks, spread_out
-from cacc_platoon.design.region import minimum_headway
-from cacc_platoon.design.request import check_request
+from cacc_platoon.theory.errors import require
+from cacc_platoon.theory.noise_interval import k_a_max
+from cacc_platoon.theory.region import minimum_headway
+from cacc_platoon.theory.theorem2 import optimum
 
 if TYPE_CHECKING:
     from collections.abc import Callable

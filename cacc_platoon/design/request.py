@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from cacc_platoon.design.errors import require, require_positive, require_rho
-from cacc_platoon.design.paper import checked_interval
-from cacc_platoon.design.region import infimum_headway, minimum_headway
+from cacc_platoon.theory.errors import require, require_positive, require_rho
+from cacc_platoon.theory.noise_interval import checked_interval
+from cacc_platoon.theory.region import infimum_headway, minimum_headway
 
 if TYPE_CHECKING:
-    from cacc_platoon.design.designs import Requirements
+    from cacc_platoon.design.requirements import Requirements
 
 __all__ = ["check_request"]
 

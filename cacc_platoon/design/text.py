@@ -19,7 +19,7 @@ _TABLE = (
 
 
 def render(data: dict[str, Any]) -> str:
-    """Lay out an answer of `cacc_platoon.design.answer`.
+    """Lay out an answer of `cacc_platoon.design.question`.
 
     Examples
     --------

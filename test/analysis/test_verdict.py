@@ -13,9 +13,9 @@ from cacc_platoon.analysis import (
     warn_if_not_string_stable,
 )
 from cacc_platoon.analysis.paper import CASES, case_scenario
-from cacc_platoon.design import exact_region
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.simulation import simulate
+from cacc_platoon.theory import exact_region
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)

@@ -9,17 +9,17 @@ import timeit
 
 import numpy as np
 
-from cacc_platoon.design import (
+from cacc_platoon.design import recommend
+from cacc_platoon.model import Gains
+from cacc_platoon.theory import (
     certify,
     critical_period,
     is_robustly_string_stable,
     l2_gain,
     latency_margin,
     linf_gain,
-    recommend,
     robust_string_stability_map,
 )
-from cacc_platoon.model import Gains
 
 A = Gains(0.95, 0.5, 0.63, 0.009)
 K_P, K_V = np.linspace(0, 1, 500)[:, np.newaxis], np.linspace(0, 1, 500)

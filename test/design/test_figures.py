@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from cacc_platoon.design import DesignError, Requirements, exact_region, paper_region, recommend
+from cacc_platoon.design import Requirements, recommend
 from cacc_platoon.design import figures as draw
-from cacc_platoon.design.curves import bound_curves, headway_over_snr, response_band, slope_curve
 from cacc_platoon.design.gallery import save_gallery
 from cacc_platoon.model import Gains
+from cacc_platoon.theory import DesignError, exact_region, paper_region
+from cacc_platoon.theory.curves import bound_curves, headway_over_snr, response_band, slope_curve
 
 A = Gains(0.95, 0.5, 0.63, 0.009)
 NAMES = ["feasible_regions", "frequency_response", "headway_bounds", "headway_over_snr"]

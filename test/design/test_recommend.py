@@ -8,22 +8,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cacc_platoon.design import (
+from cacc_platoon.design import Requirements, assess, paper_design, recommend
+from cacc_platoon.design.candidates import Candidates, Estimates
+from cacc_platoon.design.pareto import pareto_front, spread_out
+from cacc_platoon.model import Gains
+from cacc_platoon.theory import (
     DesignError,
-    Requirements,
-    assess,
     certify,
     infimum_headway,
     is_robustly_string_stable,
     is_sampled_string_stable,
     latency_margin,
     optimum,
-    paper_design,
-    recommend,
 )
-from cacc_platoon.design.candidates import Candidates, Estimates
-from cacc_platoon.design.pareto import pareto_front, spread_out
-from cacc_platoon.model import Gains
 
 
 @pytest.mark.parametrize(

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from cacc_platoon.analysis.figures import channel, motion, travel
 from cacc_platoon.analysis.figures.style import Axes, draw_svg
-from cacc_platoon.design import exact_region, k_a_max, paper_region
-from cacc_platoon.design.curves import ResponseBand, response_band
 from cacc_platoon.design.figures import plot_regions, plot_response
+from cacc_platoon.theory import exact_region, k_a_max, paper_region
+from cacc_platoon.theory.curves import ResponseBand, response_band
 
 if TYPE_CHECKING:
     from cacc_platoon.analysis.report import Report

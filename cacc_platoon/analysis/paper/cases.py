@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from cacc_platoon.design import optimum
 from cacc_platoon.scenario import Scenario
+from cacc_platoon.theory import optimum
 
 RHO, TAU_0, FOLLOWERS, DISTANCE = 5.0, 0.5, 12, 5.0
 

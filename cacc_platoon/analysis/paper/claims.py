@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from cacc_platoon.analysis.paper.cases import CASES, RHO, TAU_0, Case
 from cacc_platoon.analysis.summary import travel
-from cacc_platoon.design import (
+from cacc_platoon.model import Gains
+from cacc_platoon.theory import (
     headway_bound,
     headway_slope_roots,
     k_a_max,
@@ -17,7 +18,6 @@ from cacc_platoon.design import (
     paper_region,
     snr_db_from_rho,
 )
-from cacc_platoon.model import Gains
 
 if TYPE_CHECKING:
     from cacc_platoon.analysis.report import Report

@@ -9,8 +9,6 @@ from cacc_platoon.analysis.figures import admissible, channel, motion, travel
 from cacc_platoon.analysis.figures.style import Axes
 from cacc_platoon.analysis.page.pictures import Picture
 from cacc_platoon.analysis.paper.cases import CASES, RHO, TAU_0, Case
-from cacc_platoon.design import exact_region, paper_region
-from cacc_platoon.design.curves import ResponseBand, response_band, slope_curve
 from cacc_platoon.design.figures import (
     plot_regions,
     plot_response,
@@ -18,6 +16,8 @@ from cacc_platoon.design.figures import (
 )
 from cacc_platoon.model import Gains
 from cacc_platoon.simulation import Trajectory
+from cacc_platoon.theory import exact_region, paper_region
+from cacc_platoon.theory.curves import ResponseBand, response_band, slope_curve
 
 if TYPE_CHECKING:
     from cacc_platoon.analysis.report import Report

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cacc_platoon.design import (
+from cacc_platoon.model import Gains
+from cacc_platoon.theory import (
     DesignError,
     conservatism,
     exact_region,
@@ -23,7 +24,6 @@ from cacc_platoon.design import (
     robust_string_stability_map,
     stable_gain_range,
 )
-from cacc_platoon.model import Gains
 
 A = Gains(0.95, 0.5, 0.63, 0.009)
 

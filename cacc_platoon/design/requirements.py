@@ -6,13 +6,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from cacc_platoon.design.errors import DesignError
-from cacc_platoon.design.exact import is_robustly_string_stable, linf_gain
-from cacc_platoon.design.latency import latency_margin
-from cacc_platoon.design.paper import effective_interval, optimum, paper_region
-from cacc_platoon.design.sampled import critical_period
-from cacc_platoon.design.transfer import slowest_time_constant
 from cacc_platoon.model.control import Gains
+from cacc_platoon.theory.errors import DesignError
+from cacc_platoon.theory.exact import is_robustly_string_stable, linf_gain
+from cacc_platoon.theory.latency import latency_margin
+from cacc_platoon.theory.noise_interval import effective_interval
+from cacc_platoon.theory.sampled import critical_period
+from cacc_platoon.theory.theorem2 import optimum, paper_region
+from cacc_platoon.theory.transfer import slowest_time_constant
 
 __all__ = ["Design", "Recommendation", "Requirements", "assess", "paper_design"]
 

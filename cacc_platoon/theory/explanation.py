@@ -7,18 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cacc_platoon.design.exact import is_string_stable, l2_gain, propagation_margins
-from cacc_platoon.design.paper import (
-    effective_interval,
-    headway_bound,
-    in_paper_region,
-    k_a_max,
-    optimum,
-    paper_region,
-    snr_db_from_rho,
-)
-from cacc_platoon.design.region import exact_region, infimum_headway, minimum_headway
-from cacc_platoon.design.transfer import gamma, is_internally_stable
+from cacc_platoon.theory.exact import is_string_stable, l2_gain, propagation_margins
+from cacc_platoon.theory.noise_interval import effective_interval, k_a_max, snr_db_from_rho
+from cacc_platoon.theory.region import exact_region, infimum_headway, minimum_headway
+from cacc_platoon.theory.theorem2 import headway_bound, in_paper_region, optimum, paper_region
+from cacc_platoon.theory.transfer import gamma, is_internally_stable
 
 if TYPE_CHECKING:
     from cacc_platoon.model.control import Gains

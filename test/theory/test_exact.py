@@ -10,7 +10,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-from cacc_platoon.design import (
+from cacc_platoon.model import Gains
+from cacc_platoon.theory import (
     TOLERANCE,
     certify,
     frequency_response,
@@ -26,8 +27,7 @@ from cacc_platoon.design import (
     string_stability_map,
     worst_l2_gain,
 )
-from cacc_platoon.design.impulse import inverse_laplace
-from cacc_platoon.model import Gains
+from cacc_platoon.theory.impulse import inverse_laplace
 
 A = Gains(0.95, 0.5, 0.63, 0.009)
 OMEGA = np.geomspace(1e-4, 1e3, 500)
@@ -211,7 +211,7 @@ def test_time_functions_against_the_matrix_exponential(roots):
 def test_a_geometric_tail_replaces_endless_ringing(monkeypatch):
     ringing = Gains(0.5, 0.5, 0.003, 1.0)  # gamma barely above tau k_p
     whole = linf_gain(ringing, 0.5, 0.5)
-    monkeypatch.setattr("cacc_platoon.design.impulse._MAX_HALF_PERIODS", 60)
+    monkeypatch.setattr("cacc_platoon.theory.impulse._MAX_HALF_PERIODS", 60)
     assert linf_gain(ringing, 0.5, 0.5) == pytest.approx(whole, rel=1e-10)
     assert whole > 100
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cacc_platoon.design.errors import require
+from cacc_platoon.theory.errors import require
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -6,20 +6,21 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from cacc_platoon.design.errors import require, require_positive, require_rho
-from cacc_platoon.design.exact import (
+from cacc_platoon.theory.errors import require, require_positive, require_rho
+from cacc_platoon.theory.exact import (
     L2Gain,
     is_robustly_string_stable,
     is_string_stable,
     l2_gain,
     linf_gain,
 )
-from cacc_platoon.design.latency import latency_margin
-from cacc_platoon.design.noise import leader_error_norm, mean_square_index
-from cacc_platoon.design.paper import effective_interval, in_paper_region
-from cacc_platoon.design.region import stable_gain_range
-from cacc_platoon.design.sampled import critical_period, is_sampled_string_stable
-from cacc_platoon.design.transfer import is_internally_stable, slowest_time_constant
+from cacc_platoon.theory.latency import latency_margin
+from cacc_platoon.theory.mean_square import leader_error_norm, mean_square_index
+from cacc_platoon.theory.noise_interval import effective_interval
+from cacc_platoon.theory.region import stable_gain_range
+from cacc_platoon.theory.sampled import critical_period, is_sampled_string_stable
+from cacc_platoon.theory.theorem2 import in_paper_region
+from cacc_platoon.theory.transfer import is_internally_stable, slowest_time_constant
 
 if TYPE_CHECKING:
     from cacc_platoon.model.control import Gains

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from cacc_platoon.design.errors import require
-from cacc_platoon.design.exact import is_string_stable, l2_gain, linf_gain
-from cacc_platoon.design.paper import effective_interval
-from cacc_platoon.design.transfer import frequency_response, poles, slowest_time_constant
+from cacc_platoon.theory.errors import require
+from cacc_platoon.theory.exact import is_string_stable, l2_gain, linf_gain
+from cacc_platoon.theory.noise_interval import effective_interval
+from cacc_platoon.theory.transfer import frequency_response, poles, slowest_time_constant
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -8,7 +8,8 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from cacc_platoon.design import (
+from cacc_platoon.model import Gains
+from cacc_platoon.theory import (
     DesignError,
     exact_region,
     headway_for_latency,
@@ -17,7 +18,6 @@ from cacc_platoon.design import (
     latency_margin,
     minimum_headway,
 )
-from cacc_platoon.model import Gains
 
 A = Gains(0.95, 0.5, 0.63, 0.009)
 

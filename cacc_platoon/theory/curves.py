@@ -6,25 +6,18 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from cacc_platoon.design.paper import (
-    effective_interval,
-    headway_bound,
-    headway_slope,
-    headway_slope_roots,
-    k_a_max,
-    optimum,
-    rho_from_snr_db,
-)
-from cacc_platoon.design.region import infimum_headway, minimum_headway
-from cacc_platoon.design.transfer import frequency_response, poles
+from cacc_platoon.theory.noise_interval import effective_interval, k_a_max, rho_from_snr_db
+from cacc_platoon.theory.region import infimum_headway, minimum_headway
+from cacc_platoon.theory.theorem2 import headway_bound, headway_slope, headway_slope_roots, optimum
+from cacc_platoon.theory.transfer import frequency_response, poles
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from cacc_platoon.design.paper import Optimum
     from cacc_platoon.model.control import Gains
+    from cacc_platoon.theory.theorem2 import Optimum
 
     Float = NDArray[np.float64]
 

@@ -7,34 +7,30 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from cacc_platoon.design.certificate import NoiseStatistics, certify
-from cacc_platoon.design.designs import Design, Recommendation, Requirements
-from cacc_platoon.design.explain import nominal_verdict, verdict
-from cacc_platoon.design.extensions import (
-    equivalent_gains,
+from cacc_platoon.design.recommend import recommend
+from cacc_platoon.design.requirements import Design, Recommendation, Requirements
+from cacc_platoon.model.control import Gains
+from cacc_platoon.theory.certificate import NoiseStatistics, certify
+from cacc_platoon.theory.explanation import nominal_verdict, verdict
+from cacc_platoon.theory.noise_interval import effective_interval, k_a_max, snr_db_from_rho
+from cacc_platoon.theory.packet_loss import (
     fallback_headway,
     is_reception_string_stable,
-    multi_predecessor_bounds,
-    multi_predecessor_gains,
     reception_interval,
     reception_minimum_headway,
 )
-from cacc_platoon.design.paper import (
-    effective_interval,
-    headway_bound,
-    k_a_max,
-    optimum,
-    paper_region,
-    snr_db_from_rho,
-)
-from cacc_platoon.design.recommend import recommend
-from cacc_platoon.design.region import (
+from cacc_platoon.theory.region import (
     conservatism,
     exact_region,
     infimum_headway,
     minimum_headway,
 )
-from cacc_platoon.model.control import Gains
+from cacc_platoon.theory.several_predecessors import (
+    equivalent_gains,
+    multi_predecessor_bounds,
+    multi_predecessor_gains,
+)
+from cacc_platoon.theory.theorem2 import headway_bound, optimum, paper_region
 
 __all__ = ["Question", "answer"]
 

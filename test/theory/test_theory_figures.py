@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from cacc_platoon.design import (
+from cacc_platoon.model import Gains, expected_factor, factor_variance
+from cacc_platoon.theory import (
     NoiseStatistics,
     certify,
     effective_interval,
@@ -22,7 +23,6 @@ from cacc_platoon.design import (
     rho_from_snr_db,
     snr_db_from_rho,
 )
-from cacc_platoon.model import Gains, expected_factor, factor_variance
 
 RHO, TAU = 5.0, 0.5
 BITS = [0.8055, 0.5767, 0.1829, 0.2399, 0.8865, 0.0287, 0.4899, 0.1679]

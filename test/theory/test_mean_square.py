@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import toeplitz
 
-from cacc_platoon.design import (
+from cacc_platoon.model import Gains, State, ThirdOrderPlant, factor_variance
+from cacc_platoon.theory import (
     DesignError,
     is_internally_stable,
     largest_variance,
@@ -17,7 +18,6 @@ from cacc_platoon.design import (
     mean_square_index,
     uniform_error_bound,
 )
-from cacc_platoon.model import Gains, State, ThirdOrderPlant, factor_variance
 
 FAST = Gains(1.2, 0.5, 0.6, 0.3)  # no slow mode, so a short record holds all its energy
 TAU, PERIOD, SAMPLES = 0.5, 0.05, 700

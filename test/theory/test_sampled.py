@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cacc_platoon.design import (
+from cacc_platoon.model import Gains, State, ThirdOrderPlant
+from cacc_platoon.theory import (
     DesignError,
     critical_period,
     is_robustly_string_stable,
@@ -18,8 +19,7 @@ from cacc_platoon.design import (
     l2_gain,
     sampled_stability_map,
 )
-from cacc_platoon.design.sampled import sampled_hop
-from cacc_platoon.model import Gains, State, ThirdOrderPlant
+from cacc_platoon.theory.sampled import sampled_hop
 
 A = Gains(0.95, 0.5, 0.63, 0.009)
 C = Gains(0.88, 0.318305009, 0.85, 0.003)

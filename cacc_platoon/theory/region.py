@@ -15,16 +15,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from cacc_platoon.design.errors import require, require_positive
-from cacc_platoon.design.exact import is_robustly_string_stable, is_string_stable
-from cacc_platoon.design.paper import (
-    checked_interval,
-    effective_interval,
-    headway_bound,
-    paper_region,
-)
-from cacc_platoon.design.transfer import gamma
 from cacc_platoon.model.control import Gains
+from cacc_platoon.theory.errors import require, require_positive
+from cacc_platoon.theory.exact import is_robustly_string_stable, is_string_stable
+from cacc_platoon.theory.noise_interval import checked_interval, effective_interval
+from cacc_platoon.theory.theorem2 import headway_bound, paper_region
+from cacc_platoon.theory.transfer import gamma
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

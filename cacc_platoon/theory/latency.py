@@ -18,13 +18,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cacc_platoon.design.errors import require, require_positive
-from cacc_platoon.design.exact import (
+from cacc_platoon.theory.errors import require, require_positive
+from cacc_platoon.theory.exact import (
     is_robustly_string_stable,
     is_string_stable,
     propagation_margins,
 )
-from cacc_platoon.design.paper import checked_interval, effective_interval
+from cacc_platoon.theory.noise_interval import checked_interval, effective_interval
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

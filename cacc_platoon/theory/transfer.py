@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cacc_platoon.design.errors import require, require_positive
+from cacc_platoon.theory.errors import require, require_positive
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

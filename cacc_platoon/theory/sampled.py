@@ -19,9 +19,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from cacc_platoon.design.errors import require_positive
-from cacc_platoon.design.exact import TOLERANCE, is_robustly_string_stable, is_string_stable
-from cacc_platoon.design.paper import effective_interval
+from cacc_platoon.theory.errors import require_positive
+from cacc_platoon.theory.exact import TOLERANCE, is_robustly_string_stable, is_string_stable
+from cacc_platoon.theory.noise_interval import effective_interval
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cacc_platoon.design import (
+from cacc_platoon.model import Gains
+from cacc_platoon.theory import (
     DesignError,
     Link,
     certify_chain,
@@ -30,7 +31,6 @@ from cacc_platoon.design import (
     reception_minimum_headway,
     robust_string_stability_map,
 )
-from cacc_platoon.model import Gains
 
 A = Gains(0.95, 0.5, 0.63, 0.009)
 OMEGA = np.geomspace(1e-3, 30, 200)

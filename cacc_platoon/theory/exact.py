@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from cacc_platoon.design.errors import require_positive
-from cacc_platoon.design.impulse import total_variation
-from cacc_platoon.design.paper import effective_interval
-from cacc_platoon.design.transfer import (
+from cacc_platoon.theory.errors import require_positive
+from cacc_platoon.theory.impulse import total_variation
+from cacc_platoon.theory.noise_interval import effective_interval
+from cacc_platoon.theory.transfer import (
     ROUTH_SLACK,
     gamma,
     is_internally_stable,

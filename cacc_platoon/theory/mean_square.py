@@ -17,9 +17,9 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from cacc_platoon.design.errors import require
-from cacc_platoon.design.exact import is_string_stable, propagation_margins
-from cacc_platoon.design.transfer import gamma, is_internally_stable
+from cacc_platoon.theory.errors import require
+from cacc_platoon.theory.exact import is_string_stable, propagation_margins
+from cacc_platoon.theory.transfer import gamma, is_internally_stable
 
 if TYPE_CHECKING:
     from cacc_platoon.model.control import Gains

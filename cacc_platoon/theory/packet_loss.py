@@ -1,0 +1,118 @@
+"""What packet loss leaves of the communicated acceleration, in the mean.
+
+A packet that arrives with probability ``p``, counted as zero when lost, has ``k = p k_a E[w]``:
+the lower end of I falls to ``p (1 - 1/rho) k_a``. A receiver that holds the last packet filters.
+"""
+
+from __future__ import annotations
+
+import cmath
+from typing import TYPE_CHECKING
+
+from cacc_platoon.theory.errors import require, require_positive
+from cacc_platoon.theory.exact import is_string_stable
+from cacc_platoon.theory.noise_interval import (
+    EffectiveInterval,
+    checked_interval,
+    effective_interval,
+)
+
+if TYPE_CHECKING:
+    from cacc_platoon.model.control import Gains
+
+__all__ = [
+    "fallback_headway",
+    "hold_last_response",
+    "is_reception_string_stable",
+    "reception_interval",
+    "reception_minimum_headway",
+]
+
+
+def reception_interval(k_a: float, rho: float, reception: float) -> EffectiveInterval:
+    """Interval of ``k`` when at least a share `reception` of the packets arrives, losses as zero.
+
+    Raises
+    ------
+    DesignError
+        If `reception` is not a probability.
+
+    Examples
+    --------
+    >>> reception_interval(0.5, 5.0, reception=0.5)
+    EffectiveInterval(low=0.2, high=0.6)
+    """
+    require(
+        0 <= reception <= 1,
+        f"reception = {reception:g} is not a probability: no share of packets can be outside "
+        "0 to 1. Give the smallest packet reception probability.",
+    )
+    low, high = effective_interval(k_a, rho)
+    return EffectiveInterval(reception * low, high)
+
+
+def is_reception_string_stable(gains: Gains, rho: float, tau_max: float, reception: float) -> bool:
+    """Robust string stability of the mean system for every reception in ``[reception, 1]``.
+
+    Examples
+    --------
+    >>> is_reception_string_stable(Gains(1.1, 0.5, 0.62, 0.05), 5.0, 0.5, reception=0.9)
+    True
+    """
+    low, high = reception_interval(gains.k_a, rho, reception)
+    return high <= 1 and all(is_string_stable(gains, tau_max, k) for k in (low, high))
+
+
+def reception_minimum_headway(k_a: float, rho: float, tau_max: float, reception: float) -> float:
+    """Exact minimum headway ``2 tau_0/(1 + p m k_a)`` [s] at packet reception probability ``p``.
+
+    Examples
+    --------
+    >>> reception_minimum_headway(0.5, 5.0, 0.5, reception=0.0) == fallback_headway(0.5)
+    True
+    """
+    require_positive("tau_max", tau_max, "s")
+    checked_interval(k_a, rho)
+    return 2.0 * tau_max / (1.0 + reception_interval(k_a, rho, reception).low)
+
+
+def fallback_headway(tau_max: float) -> float:
+    """Headway ``2 tau_0`` [s] to open up to when V2V is lost altogether (``k_a = 0``).
+
+    Examples
+    --------
+    >>> fallback_headway(0.5)
+    1.0
+    """
+    require_positive("tau_max", tau_max, "s")
+    return 2.0 * tau_max
+
+
+def hold_last_response(reception: float, period: float, omega: float) -> complex:
+    """Mean feed-forward filter ``p/(1 - (1 - p) z^-1)`` of a receiver that holds the last packet.
+
+    Parameters
+    ----------
+    reception : float
+        Packet reception probability, > 0.
+    period : float
+        Packet period [s].
+    omega : float
+        Frequency [rad/s].
+
+    Returns
+    -------
+    complex
+        Response at ``z = exp(j omega T)``; it multiplies ``k`` in ``N``.
+
+    Examples
+    --------
+    >>> hold_last_response(0.5, 0.1, omega=0.0)
+    (1+0j)
+    """
+    require(
+        0 < reception <= 1,
+        f"reception = {reception:g} is outside (0, 1]: with no packet there is nothing to hold. "
+        "Give a positive packet reception probability.",
+    )
+    return reception / (1.0 - (1.0 - reception) * cmath.exp(-1j * omega * period))
