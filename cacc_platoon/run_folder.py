@@ -20,7 +20,7 @@ import numpy as np
 from cacc_platoon import __version__
 from cacc_platoon.errors import UserError
 from cacc_platoon.scenario import Scenario
-from cacc_platoon.scenario_file import format_scenario, load_scenario
+from cacc_platoon.scenario.file import format_scenario, load_scenario
 from msg_adapters.bag import write_bag
 from msg_adapters.recording import Recording, digest_of, read_parts
 from msg_adapters.topics import PlatoonTopics, queue_depth, run_topics

@@ -44,7 +44,7 @@ from cacc_platoon.nodes.node import MESSAGE_TYPES
 from cacc_platoon.nodes.session import ENDED, heard
 from cacc_platoon.run_folder import INFO_FILE, RunFolder
 from cacc_platoon.scenario import Scenario
-from cacc_platoon.scenario_file import format_scenario, load_scenario
+from cacc_platoon.scenario.file import format_scenario, load_scenario
 from cacc_platoon.simulation import Trajectory
 from msg_adapters.topics import PlatoonTopics, Topic
 

@@ -8,13 +8,6 @@ from typing import NamedTuple
 import pytest
 
 ROOT = Path(__file__).parents[1]
-SCENARIO_FILES = {
-    "parameters",
-    "parameter_table",
-    "parameter_sections",
-    "scenario",
-    "scenario_file",
-}
 ROS = {"rclpy", "geometry_msgs", "std_msgs", "rosgraph_msgs", "rcl_interfaces", "diagnostic_msgs"}
 ROS |= {"builtin_interfaces", "visualization_msgs"}
 
@@ -65,8 +58,6 @@ def room_of(module: str) -> str:
         return parts[0]
     if parts[1].startswith("testing"):
         return "testing"
-    if parts[1] in SCENARIO_FILES:
-        return "scenario"
     return "cli" if parts[1] == "__main__" else parts[1]
 
 

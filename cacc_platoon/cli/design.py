@@ -14,9 +14,9 @@ from cacc_platoon.design.requirements import Recommendation, Requirements, paper
 from cacc_platoon.design.text import render
 from cacc_platoon.model.channel import expected_factor, factor_variance
 from cacc_platoon.model.control import Gains
-from cacc_platoon.parameter_table import V2V
 from cacc_platoon.scenario import Scenario
-from cacc_platoon.scenario_file import format_scenario
+from cacc_platoon.scenario.file import format_scenario
+from cacc_platoon.scenario.table import V2V
 from cacc_platoon.theory.certificate import NoiseStatistics
 from cacc_platoon.theory.errors import DesignError
 from cacc_platoon.theory.explanation import explain_bounds, explain_design

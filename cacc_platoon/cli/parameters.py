@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 
 from cacc_platoon.cli.exit_codes import DONE
-from cacc_platoon.parameter_table import SNR_DB, TABLE
-from cacc_platoon.parameters import KIND_TEXT, Parameter
+from cacc_platoon.scenario.parameter import KIND_TEXT, Parameter
+from cacc_platoon.scenario.table import SNR_DB, TABLE
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -59,7 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Replay, compare, answer."""
     from cacc_platoon.analysis.replay import changed_scenario, read_node  # noqa: PLC0415  (heavy)
-    from cacc_platoon.scenario_file import load_scenario  # noqa: PLC0415  (heavy)
+    from cacc_platoon.scenario.file import load_scenario  # noqa: PLC0415  (heavy)
 
     if options.output and options.output.exists() and not options.output.is_dir():
         raise UserError(f"{options.output}: is a file. Choose another folder with -o.")

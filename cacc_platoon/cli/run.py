@@ -16,7 +16,7 @@ from cacc_platoon.cli.progress import ProgressLine
 from cacc_platoon.cli.ros import prepare_nodes, require_ros
 from cacc_platoon.run_folder import default_run_folder
 from cacc_platoon.scenario import Scenario
-from cacc_platoon.scenario_file import load_scenario
+from cacc_platoon.scenario.file import load_scenario
 from msg_adapters.chaining import with_recorded_leader
 
 

@@ -16,7 +16,7 @@ from cacc_platoon.cli.progress import ProgressLine
 from cacc_platoon.cli.run import add_scenario_arguments
 from cacc_platoon.errors import UserError
 from cacc_platoon.run_folder import RunFolder, default_run_folder
-from cacc_platoon.scenario_file import load_scenario
+from cacc_platoon.scenario.file import load_scenario
 
 if TYPE_CHECKING:
     from cacc_platoon.scenario import Scenario

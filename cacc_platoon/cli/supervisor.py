@@ -18,7 +18,7 @@ from cacc_platoon.cli.exit_codes import BAD_INPUT, DONE
 from cacc_platoon.cli.run import run_and_judge
 from cacc_platoon.errors import UserError
 from cacc_platoon.scenario import Scenario
-from cacc_platoon.scenario_file import load_scenario, parameter_files
+from cacc_platoon.scenario.file import load_scenario, parameter_files
 
 
 def main() -> int:

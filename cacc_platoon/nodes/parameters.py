@@ -13,10 +13,10 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
-from cacc_platoon.parameter_table import SNR_DB, TABLE
-from cacc_platoon.parameters import Parameter, ScenarioError, refuse_unknown
 from cacc_platoon.scenario import Scenario
-from cacc_platoon.scenario_file import parameter_files
+from cacc_platoon.scenario.file import parameter_files
+from cacc_platoon.scenario.parameter import Parameter, ScenarioError, refuse_unknown
+from cacc_platoon.scenario.table import SNR_DB, TABLE
 
 FOREIGN = ("use_sim_time", "qos_overrides.", "start_type_description_service")
 _LARGE = 1e300

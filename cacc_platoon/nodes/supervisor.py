@@ -13,9 +13,9 @@ from std_msgs.msg import Int64, String
 
 from cacc_platoon.nodes import parameters, qos
 from cacc_platoon.nodes.session import HEARTBEAT_PERIOD, MATCHING, RUNNING, WAITING, heard
-from cacc_platoon.parameter_table import GROUPS
 from cacc_platoon.scenario import Scenario
-from cacc_platoon.scenario_file import format_scenario
+from cacc_platoon.scenario.file import format_scenario
+from cacc_platoon.scenario.table import GROUPS
 from msg_adapters.topics import PlatoonTopics, run_topics
 
 MAX_HOSTS = 1000

@@ -56,6 +56,7 @@ def is_reception_string_stable(gains: Gains, rho: float, tau_max: float, recepti
 
     Examples
     --------
+    >>> from cacc_platoon.model.control import Gains
     >>> is_reception_string_stable(Gains(1.1, 0.5, 0.62, 0.05), 5.0, 0.5, reception=0.9)
     True
     """

@@ -8,7 +8,7 @@ from rosbags.highlevel import AnyReader
 from ruamel.yaml import YAML
 
 from cacc_platoon.scenario import Scenario
-from cacc_platoon.scenario_file import format_scenario, parse_scenario
+from cacc_platoon.scenario.file import format_scenario, parse_scenario
 from cacc_platoon.simulation import simulate
 from msg_adapters.bag import write_bag
 from msg_adapters.recording import recording_of

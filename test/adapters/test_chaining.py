@@ -9,7 +9,7 @@ import pytest
 from cacc_platoon.cli.simulate import simulate_run
 from cacc_platoon.errors import UserError
 from cacc_platoon.scenario import Scenario
-from cacc_platoon.scenario_file import format_scenario, load_scenario, parse_scenario
+from cacc_platoon.scenario.file import format_scenario, load_scenario, parse_scenario
 from cacc_platoon.simulation import simulate
 from msg_adapters.bag import read_topics, topic_names, write_bag
 from msg_adapters.chaining import with_recorded_leader

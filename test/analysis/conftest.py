@@ -9,7 +9,7 @@ from rosbags.rosbag2 import CompressionFormat, StoragePlugin, Writer
 
 from cacc_platoon.run_folder import RunFolder
 from cacc_platoon.scenario import Scenario
-from cacc_platoon.scenario_file import format_scenario
+from cacc_platoon.scenario.file import format_scenario
 from cacc_platoon.simulation import simulate
 from msg_adapters.bag import encode_string, typestore, write_bag
 from msg_adapters.recording import TopicRecord, recording_of

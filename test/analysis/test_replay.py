@@ -15,7 +15,7 @@ from cacc_platoon.analysis.replay import (
 )
 from cacc_platoon.errors import UserError
 from cacc_platoon.scenario import Scenario
-from cacc_platoon.scenario_file import format_scenario
+from cacc_platoon.scenario.file import format_scenario
 from cacc_platoon.simulation import simulate
 from msg_adapters.bag import write_bag
 from msg_adapters.recording import recording_of

@@ -16,7 +16,7 @@ from cacc_platoon.cli import design
 from cacc_platoon.design import Question, Requirements, answer, render
 from cacc_platoon.errors import UserError
 from cacc_platoon.model import Gains
-from cacc_platoon.scenario_file import load_scenario
+from cacc_platoon.scenario.file import load_scenario
 from cacc_platoon.theory import (
     DesignError,
     exact_region,

@@ -15,7 +15,7 @@ from cacc_platoon.model import (
     factor_variance,
 )
 from cacc_platoon.model.channel import BLOCK, STREAM_VERSION
-from cacc_platoon.parameter_table import PAPER_BITS
+from cacc_platoon.scenario.table import PAPER_BITS
 
 DRAWS = 400_000
 

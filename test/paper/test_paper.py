@@ -12,7 +12,7 @@ from cacc_platoon.analysis.paper import CASES, case_scenario, reproduce, write_r
 from cacc_platoon.analysis.reading import RecordedRun
 from cacc_platoon.analysis.reading.grid import Grid
 from cacc_platoon.cli import main
-from cacc_platoon.scenario_file import load_scenario
+from cacc_platoon.scenario.file import load_scenario
 from cacc_platoon.simulation import monte_carlo, simulate
 
 CONFIG = Path(__file__).parents[2] / "config"

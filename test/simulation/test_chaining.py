@@ -8,9 +8,9 @@ import pytest
 from cacc_platoon.analysis import analyse
 from cacc_platoon.cli.simulate import simulate_run
 from cacc_platoon.nodes.launcher import plan_hosts
-from cacc_platoon.parameters import ScenarioError
 from cacc_platoon.scenario import Scenario
-from cacc_platoon.scenario_file import load_scenario, parse_scenario
+from cacc_platoon.scenario.file import load_scenario, parse_scenario
+from cacc_platoon.scenario.parameter import ScenarioError
 from cacc_platoon.simulation import monte_carlo, simulate
 from msg_adapters.chaining import with_recorded_leader
 from msg_adapters.recording import recording_of, topic_digest, trajectory_of

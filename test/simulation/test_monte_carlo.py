@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cacc_platoon.scenario import Scenario
-from cacc_platoon.scenario_file import load_scenario
+from cacc_platoon.scenario.file import load_scenario
 from cacc_platoon.simulation import monte_carlo, simulate, with_seed
 
 CONFIG = Path(__file__).parents[2] / "config"

@@ -9,7 +9,7 @@ from scipy.linalg import expm
 
 from cacc_platoon.model import FactorStream, State
 from cacc_platoon.scenario import Scenario
-from cacc_platoon.scenario_file import load_scenario
+from cacc_platoon.scenario.file import load_scenario
 from cacc_platoon.simulation import channel_factors, initial_positions, propagate, simulate
 
 CONFIG = Path(__file__).parents[2] / "config"

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from cacc_platoon.dds.domain import own_domain
-from cacc_platoon.scenario_file import load_scenario
+from cacc_platoon.scenario.file import load_scenario
 
 ROOT = Path(__file__).parents[2]
 EXECUTABLES = ["leader", "markers", "noise_relay", "platoon", "recorder", "supervisor", "vehicle"]

@@ -13,7 +13,7 @@ import pytest
 from rosbags.rosbag2 import Reader
 
 from cacc_platoon.scenario import Scenario
-from cacc_platoon.scenario_file import load_scenario
+from cacc_platoon.scenario.file import load_scenario
 from cacc_platoon.simulation import simulate
 from cacc_platoon.testing import Platoon
 from msg_adapters.recording import digest, recording_of, topic_digest

@@ -6,8 +6,8 @@ import html
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from cacc_platoon.parameter_table import TABLE
 from cacc_platoon.scenario import Scenario
+from cacc_platoon.scenario.table import TABLE
 
 UNKNOWN = "-"
 

@@ -11,10 +11,10 @@ from cacc_platoon.analysis.reading.files import RawBag
 from cacc_platoon.analysis.reading.grid import Grid
 from cacc_platoon.analysis.reading.platoon import FoundPlatoon
 from cacc_platoon.analysis.reading.raw import RawTopic
-from cacc_platoon.parameters import ScenarioError
 from cacc_platoon.run_folder import SCENARIO_FILE
 from cacc_platoon.scenario import Scenario
-from cacc_platoon.scenario_file import parse_scenario, scenario_name
+from cacc_platoon.scenario.file import parse_scenario, scenario_name
+from cacc_platoon.scenario.parameter import ScenarioError
 from msg_adapters.topics import PlatoonTopics
 
 

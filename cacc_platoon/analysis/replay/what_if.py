@@ -12,7 +12,7 @@ from cacc_platoon.analysis.reading.signals import Floats
 from cacc_platoon.analysis.replay.recorded import NodeRecord
 from cacc_platoon.errors import UserError
 from cacc_platoon.scenario import Scenario
-from cacc_platoon.scenario_file import format_scenario, parse_scenario
+from cacc_platoon.scenario.file import format_scenario, parse_scenario
 
 CHANGEABLE = ("vehicle.", "controller.", "platoon.standstill_distance")
 """Parameters, or beginnings of their names, that a vehicle node reads and a replay may change."""

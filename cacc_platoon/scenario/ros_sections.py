@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from cacc_platoon.parameters import ScenarioError, flatten
+from cacc_platoon.scenario.parameter import ScenarioError, flatten
 
 SECTION = "ros__parameters"
 VEHICLE_READERS = {"vehicle": "vehicle", "controller": "vehicle", "v2v": "noise_relay"}

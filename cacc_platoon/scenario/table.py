@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from cacc_platoon.parameters import Parameter, parameter, rows
+from cacc_platoon.scenario.parameter import Parameter, parameter, rows
 
 PAPER_BITS = (
     *(0.8055, 0.5767, 0.1829, 0.2399, 0.8865, 0.0287, 0.4899, 0.1679),

@@ -13,7 +13,9 @@ from typing import Any
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
-from cacc_platoon.parameter_sections import (
+from cacc_platoon.scenario.checks import check_namespace
+from cacc_platoon.scenario.parameter import ScenarioError, nest
+from cacc_platoon.scenario.ros_sections import (
     SECTION,
     Graph,
     Values,
@@ -21,9 +23,8 @@ from cacc_platoon.parameter_sections import (
     read_sections,
     replace,
 )
-from cacc_platoon.parameter_table import TABLE
-from cacc_platoon.parameters import ScenarioError, nest
-from cacc_platoon.scenario import Scenario, check_namespace
+from cacc_platoon.scenario.scenario import Scenario
+from cacc_platoon.scenario.table import TABLE
 
 
 def load_scenario(path: str | Path, settings: Iterable[str] = ()) -> Scenario:

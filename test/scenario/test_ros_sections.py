@@ -6,7 +6,7 @@ import pytest
 from rclpy.context import Context
 from rclpy.node import Node
 
-from cacc_platoon.scenario_file import format_scenario, load_scenario, parse_scenario
+from cacc_platoon.scenario.file import format_scenario, load_scenario, parse_scenario
 
 FOLLOWERS = 3
 READERS = {"controller.k_v": "vehicle", "v2v.rho": "noise_relay"}

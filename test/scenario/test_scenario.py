@@ -8,12 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cacc_platoon.model import State, expected_factor
-from cacc_platoon.parameter_table import PAPER_BITS, TABLE
-from cacc_platoon.parameters import ScenarioError
 from cacc_platoon.scenario import Scenario
-from cacc_platoon.scenario_file import format_scenario, load_scenario, parse_scenario
+from cacc_platoon.scenario.file import format_scenario, load_scenario, parse_scenario
+from cacc_platoon.scenario.parameter import ScenarioError
+from cacc_platoon.scenario.table import PAPER_BITS, TABLE
 
-CONFIG = Path(__file__).parents[1] / "config"
+CONFIG = Path(__file__).parents[2] / "config"
 
 
 def document(parameters: str, section: str = "/**") -> str:

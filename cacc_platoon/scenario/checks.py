@@ -1,0 +1,168 @@
+"""What a scenario must be before anything starts: types, ranges, values that fit together."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import re
+from collections.abc import Iterable, Mapping
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+from cacc_platoon.errors import UserError
+from cacc_platoon.model import read_speed_profile
+from cacc_platoon.model.channel import MAX_BITS
+from cacc_platoon.scenario.follower import Follower
+from cacc_platoon.scenario.parameter import ScenarioError, refuse_unknown
+from cacc_platoon.scenario.table import SNR_DB, TABLE, Leader, Platoon, Run, Vehicle
+
+MAX_SAMPLES = 10**8
+"""More would neither fit into memory nor end."""
+
+MAX_NAMESPACE = 150
+MAX_INDEX = 500
+"""Of the last vehicle; readers of bags take a higher one for damage."""
+
+
+def checked_values(
+    values: Mapping[str, Any], source: str, per_vehicle: bool = False
+) -> dict[str, Any]:
+    """Return checked values; v2v.snr_db becomes v2v.rho."""
+    refuse_unknown(values, [*TABLE, SNR_DB.name], source)
+    checked: dict[str, Any] = {}
+    for name, value in values.items():
+        row = TABLE.get(name, SNR_DB)
+        if per_vehicle and row is not SNR_DB and not row.per_vehicle:
+            raise row.refusal(value, source, "is common to the platoon; set it under /**")
+        checked[name] = row.check(value, source)
+        if per_vehicle and name == "vehicle.tau" and isinstance(checked[name], tuple):
+            raise row.refusal(value, source, "must be one number in a vehicle's own section")
+    if SNR_DB.name in checked:
+        if "v2v.rho" in checked:
+            rho, snr_db = checked["v2v.rho"], checked[SNR_DB.name]
+            raise ScenarioError(
+                f"{source}: v2v.rho = {rho:g} and v2v.snr_db = {snr_db:g} dB are two values for "
+                "one signal-to-noise ratio. Give one of them."
+            )
+        rho = 10.0 ** (checked.pop(SNR_DB.name) / 20.0)
+        checked["v2v.rho"] = TABLE["v2v.rho"].check(rho, source)
+    return checked
+
+
+def with_leader_file(leader: Leader, source: str, folder: Path) -> Leader:
+    """Read a table of speeds once, so that the resolved scenario stands alone; locate a bag."""
+    if leader.profile not in ("csv", "bag") or leader.times:
+        return leader
+    if not leader.file:
+        raise TABLE["leader.file"].refusal(
+            "", source, f"must name a file when profile is {leader.profile}"
+        )
+    if leader.profile == "bag":
+        return dataclasses.replace(leader, file=str((folder / leader.file).absolute()))
+    try:
+        times, speeds = read_speed_profile(folder / leader.file)
+    except UserError as error:
+        raise ScenarioError(f"{source}: leader.file = {leader.file!r}: {error}") from error
+    return dataclasses.replace(leader, times=times, speeds=speeds)
+
+
+def check_namespace(namespace: str, source: str) -> None:
+    """Refuse a platoon.namespace that ROS would refuse; the error line begins with `source`."""
+    if len(namespace) > MAX_NAMESPACE or not re.fullmatch(r"(/[A-Za-z_][A-Za-z0-9_]*)+", namespace):
+        rule = f"must be a ROS name such as /platoon, up to {MAX_NAMESPACE} characters"
+        raise TABLE["platoon.namespace"].refusal(namespace, source, rule)
+
+
+def check_run(run: Run, node_names: list[str], source: str) -> None:
+    """Refuse how a run is carried out where its values contradict each other."""
+
+    def refuse(name: str, value: object, rule: str) -> ScenarioError:
+        return TABLE[name].refusal(value, source, rule)
+
+    if isinstance(run.hosts, str) and run.hosts not in ("auto", "per_node"):
+        raise refuse("run.hosts", run.hosts, "must be auto, per_node or a whole number")
+    for node in run.by_hand:
+        if node not in node_names:
+            raise refuse("run.by_hand", node, "is no node of this platoon")
+    if run.seed >= 2**63:
+        raise refuse("run.seed", run.seed, "must be < 2^63")
+    if not _is_multiple(run.step, 1e-9):
+        raise refuse("run.step", run.step, "must be a whole number of nanoseconds")
+    if not _is_multiple(run.duration, run.step):
+        raise refuse(
+            "run.duration", run.duration, f"must be a whole number of steps of {run.step:g} s"
+        )
+    if round(run.duration / run.step) >= MAX_SAMPLES:
+        raise refuse("run.duration", run.duration, f"must be at most {MAX_SAMPLES} steps")
+
+
+def check_leader(platoon: Platoon, leader: Leader, source: str) -> None:
+    """Refuse a leader's motion that contradicts itself or the platoon's start."""
+    if leader.profile == "brake" and leader.final_speed >= platoon.initial_speed:
+        raise TABLE["leader.final_speed"].refusal(
+            leader.final_speed,
+            source,
+            f"must be below platoon.initial_speed = {platoon.initial_speed:g} m/s",
+        )
+    if len(leader.times) != len(leader.speeds):
+        raise TABLE["leader.times"].refusal(
+            list(leader.times), source, "must be as many as leader.speeds"
+        )
+    steps = [after - before for before, after in pairwise(leader.times)]
+    if leader.times and (leader.times[0] != 0.0 or not steps or min(steps) <= 0.0):
+        raise TABLE["leader.times"].refusal(
+            list(leader.times), source, "must be two or more, increase, and begin with 0"
+        )
+    if leader.profile == "csv" and leader.speeds[0] != platoon.initial_speed:
+        raise TABLE["platoon.initial_speed"].refusal(
+            platoon.initial_speed,
+            source,
+            f"must be the first speed of the leader's table, {leader.speeds[0]:g} m/s",
+        )
+
+
+def check_overrides(
+    overrides: Iterable[int], indices: range, vehicle: Vehicle, source: str
+) -> None:
+    """Refuse parameters of vehicles that are not there, and lists of another length."""
+    if indices[-1] > MAX_INDEX:
+        raise TABLE["platoon.first_follower"].refusal(
+            indices[0],
+            source,
+            f"makes vehicle_{indices[-1]} the last of {len(indices)} followers, beyond {MAX_INDEX}",
+        )
+    for index in overrides:
+        if index not in indices:
+            raise ScenarioError(
+                f"{source}: vehicle_{index} has parameters of its own but the platoon has "
+                f"followers {indices[0]} to {indices[-1]}; they would be ignored. "
+                "Correct the index."
+            )
+    tau = vehicle.tau
+    if isinstance(tau, tuple) and len(tau) != len(indices):
+        raise TABLE["vehicle.tau"].refusal(
+            list(tau), source, f"has {len(tau)} values for {len(indices)} followers"
+        )
+
+
+def check_follower(follower: Follower, step: float, source: str) -> None:
+    """Refuse parameters of one follower that are right alone and wrong together."""
+    v2v = follower.v2v
+    if follower.tau > follower.tau_max:
+        raise TABLE["vehicle.tau"].refusal(
+            follower.tau, source, f"must be <= vehicle.tau_max = {follower.tau_max:g} s"
+        )
+    if not 1 <= len(v2v.bit_probabilities) <= MAX_BITS:
+        raise TABLE["v2v.bit_probabilities"].refusal(
+            list(v2v.bit_probabilities), source, f"must have 1 to {MAX_BITS} values"
+        )
+    if v2v.hold and not _is_multiple(v2v.hold, step):
+        raise TABLE["v2v.hold"].refusal(v2v.hold, source, f"must be a multiple of {step:g} s")
+
+
+def _is_multiple(value: float, unit: float) -> bool:
+    """Whether `value` is a whole number >= 1 of `unit`, up to the rounding of decimals."""
+    ratio = value / unit
+    whole = round(ratio)
+    return whole >= 1 and math.isclose(ratio, whole, rel_tol=1e-12, abs_tol=1e-9)

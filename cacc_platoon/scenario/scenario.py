@@ -1,0 +1,215 @@
+"""Everything that defines a run, checked once, before anything starts."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from cacc_platoon.errors import UserError
+from cacc_platoon.model import (
+    Gains,
+    LeaderProfile,
+    PiecewiseConstantAcceleration,
+    RecordedMotion,
+    SinePulse,
+    brake_profile,
+    speed_profile,
+    step_profile,
+)
+from cacc_platoon.scenario.checks import (
+    check_follower,
+    check_leader,
+    check_namespace,
+    check_overrides,
+    check_run,
+    checked_values,
+    with_leader_file,
+)
+from cacc_platoon.scenario.follower import Follower
+from cacc_platoon.scenario.table import (
+    GROUPS,
+    TABLE,
+    V2V,
+    Controller,
+    Leader,
+    Platoon,
+    Record,
+    Run,
+    Vehicle,
+)
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A checked run definition.
+
+    Attributes
+    ----------
+    platoon, vehicle, controller, v2v, leader, run, record
+        The groups of the parameter table.
+    overrides : Mapping of int to Mapping of str to value
+        By follower index: the parameters of groups vehicle, controller and v2v that differ there.
+    name : str
+        Short name, the scenario file's stem.
+    recorded_leader : RecordedMotion or None
+        The leader's motion when leader.profile is bag, once it has been read.
+
+    Examples
+    --------
+    >>> Scenario.from_values({"controller.time_headway": 1}).controller.time_headway
+    1.0
+    """
+
+    platoon: Platoon = dataclasses.field(default_factory=Platoon)
+    vehicle: Vehicle = dataclasses.field(default_factory=Vehicle)
+    controller: Controller = dataclasses.field(default_factory=Controller)
+    v2v: V2V = dataclasses.field(default_factory=V2V)
+    leader: Leader = dataclasses.field(default_factory=Leader)
+    run: Run = dataclasses.field(default_factory=Run)
+    record: Record = dataclasses.field(default_factory=Record)
+    overrides: Mapping[int, Mapping[str, Any]] = dataclasses.field(default_factory=dict)
+    name: str = "scenario"
+    recorded_leader: RecordedMotion | None = dataclasses.field(
+        default=None, compare=False, repr=False
+    )
+
+    @classmethod
+    def from_values(
+        cls,
+        values: Mapping[str, Any],
+        overrides: Mapping[int, Mapping[str, Any]] | None = None,
+        source: str = "scenario",
+        folder: Path = Path(),
+    ) -> Scenario:
+        """Build a scenario from dotted names; `folder` is where leader.file is looked for.
+
+        Raises
+        ------
+        ScenarioError
+            For an unknown key, a wrong type, a value out of range or values that contradict
+            each other; one line that begins with `source`.
+        """
+        common = checked_values(values, source)
+        own = {
+            index: checked_values(section, f"{source}: vehicle_{index}", per_vehicle=True)
+            for index, section in sorted((overrides or {}).items())
+        }
+        groups = {
+            group: owner(
+                **{
+                    name.partition(".")[2]: value
+                    for name, value in common.items()
+                    if name.startswith(f"{group}.")
+                }
+            )
+            for group, owner in GROUPS.items()
+        }
+        groups["leader"] = with_leader_file(groups["leader"], source, folder)
+        scenario = cls(**groups, overrides=own, name=Path(source).stem or "scenario")
+        scenario._check(source)
+        return scenario
+
+    def _check(self, source: str) -> None:
+        """Refuse values that are right alone and wrong together."""
+        check_namespace(self.platoon.namespace, source)
+        check_run(self.run, self.node_names, source)
+        check_leader(self.platoon, self.leader, source)
+        check_overrides(self.overrides, self.indices, self.vehicle, source)
+        for follower in self.followers:
+            where = f"vehicle_{follower.index}: " if follower.index in self.overrides else ""
+            check_follower(follower, self.run.step, f"{source}: {where}".rstrip(": "))
+
+    def values(self) -> dict[str, Any]:
+        """Return every common parameter by its dotted name."""
+        return {name: _read(self, name) for name in TABLE}
+
+    def follower(self, index: int) -> Follower:
+        """Return the follower of an index, one of `indices`, with its overrides applied."""
+        own = self.overrides.get(index, {})
+        picked = {name: own.get(name, _read(self, name)) for name in TABLE}
+        tau = picked["vehicle.tau"]
+        v2v = V2V(**{f.name: picked[f"v2v.{f.name}"] for f in dataclasses.fields(V2V)})
+        return Follower(
+            index,
+            tau[self.indices.index(index)] if isinstance(tau, tuple) else tau,
+            picked["vehicle.tau_max"],
+            Gains(*(picked[f"controller.{name}"] for name in Gains._fields)),
+            self.platoon.standstill_distance,
+            v2v,
+            self.run.seed,
+            max(1, round(v2v.hold / self.run.step)),
+        )
+
+    @property
+    def indices(self) -> range:
+        """The indices of the followers, 1..N unless platoon.first_follower says otherwise."""
+        first = self.platoon.first_follower
+        return range(first, first + self.platoon.followers)
+
+    @property
+    def leader_index(self) -> int:
+        """The index of the leader, 0 unless platoon.first_follower says otherwise."""
+        return self.platoon.first_follower - 1
+
+    @property
+    def vehicles(self) -> range:
+        """The indices of all vehicles, the leader's first."""
+        return range(self.leader_index, self.indices.stop)
+
+    @property
+    def followers(self) -> list[Follower]:
+        """All followers, from front to rear."""
+        return [self.follower(index) for index in self.indices]
+
+    @property
+    def node_names(self) -> list[str]:
+        """The nodes that make up the platoon, relative to its namespace."""
+        names = [f"vehicle_{self.leader_index}/leader"]
+        for index in self.indices:
+            names += [f"vehicle_{index}/vehicle", f"vehicle_{index}/noise_relay"]
+        return names
+
+    @property
+    def step_ns(self) -> int:
+        """The control period in nanoseconds; sample k is stamped k times this."""
+        return round(self.run.step * 1e9)
+
+    @property
+    def samples(self) -> int:
+        """The number of samples, both ends included."""
+        return round(self.run.duration / self.run.step) + 1
+
+    def leader_profile(self) -> LeaderProfile:
+        """Return the leader's motion.
+
+        Raises
+        ------
+        UserError
+            When it is that of a bag which has not been read.
+        """
+        leader, speed = self.leader, self.platoon.initial_speed
+        match leader.profile:
+            case "sine":
+                return SinePulse(speed, leader.amplitude, leader.angular_frequency, leader.start)
+            case "step":
+                return step_profile(speed, leader.acceleration, leader.start, leader.hold)
+            case "brake":
+                return brake_profile(speed, leader.deceleration, leader.start, leader.final_speed)
+            case "csv":
+                return speed_profile(leader.times, leader.speeds)
+            case "bag" if self.recorded_leader:
+                return self.recorded_leader
+            case "bag":
+                raise UserError(
+                    f"{self.name}: leader.file = {leader.file} has not been read, so the leader's "
+                    "motion is unknown. Read it with msg_adapters.chaining.with_recorded_leader."
+                )
+        return PiecewiseConstantAcceleration(speed, [], [])
+
+
+def _read(scenario: Scenario, name: str) -> Any:
+    group, _, field = name.partition(".")
+    return getattr(getattr(scenario, group), field)
