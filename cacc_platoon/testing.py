@@ -42,7 +42,7 @@ from cacc_platoon.dds.shared_memory import cleared_segments
 from cacc_platoon.nodes import qos
 from cacc_platoon.nodes.node import MESSAGE_TYPES
 from cacc_platoon.nodes.session import ENDED, heard
-from cacc_platoon.run_folder import INFO_FILE, RunFolder
+from cacc_platoon.runs.folder import INFO_FILE, RunFolder
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import format_scenario, load_scenario
 from cacc_platoon.simulation import Trajectory
@@ -82,7 +82,7 @@ class Result:
 
     def trajectory(self) -> Trajectory:
         """Return the arrays of the run, read from its bag."""
-        from cacc_platoon.analysis import read_run  # noqa: PLC0415  (heavy)
+        from cacc_platoon.runs import read_run  # noqa: PLC0415  (heavy)
 
         return read_run(self.folder.bag).trajectory
 

@@ -6,9 +6,22 @@ import subprocess
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from hypothesis import settings
+from rosbags.rosbag2 import CompressionFormat, StoragePlugin, Writer
+
+from cacc_platoon.bags.rows import TopicRows
+from cacc_platoon.bags.write import typestore, write_bag
+from cacc_platoon.runs.folder import RunFolder
+from cacc_platoon.runs.recording import recording_of
+from cacc_platoon.scenario import Scenario
+from cacc_platoon.scenario.file import format_scenario
+from cacc_platoon.simulation import simulate
+from msg_adapters.text import encode_string
+from msg_adapters.topics import PlatoonTopics
 
 ROOT = Path(__file__).parents[1]
 
@@ -37,3 +50,106 @@ def copy_source() -> Callable[[Path], None]:
                 shutil.copy2(ROOT / name, target / name)
 
     return copy
+
+
+SHORT = {"platoon.followers": 3, "run.duration": 3.0, "leader.start": 0.5, "leader.amplitude": 2.0}
+
+
+def short_scenario(more=None):
+    return Scenario.from_values({**SHORT, **(more or {})})
+
+
+def record(scenario):
+    return recording_of(simulate(scenario))
+
+
+def make_run(path, scenario):
+    """Write a run folder as `platoon simulate` does."""
+    folder = RunFolder.create(path, scenario)
+    folder.finish(scenario, record(scenario), {"status": "finished", "message": ""})
+    return folder
+
+
+def make_bag(path, scenario, recording, custom=None):
+    """Write messages as they are, faults included, without run folder and digest."""
+    write_bag(
+        path,
+        recording,
+        step_ns=scenario.step_ns,
+        depth=10,
+        scenario_topic=PlatoonTopics(scenario.platoon.namespace).scenario,
+        scenario_text=format_scenario(scenario),
+        custom_data=custom or {},
+    )
+    return path
+
+
+def make_foreign_bag(
+    path, scenario, recording, plugin=StoragePlugin.SQLITE3, *, told=True, compression=None
+):
+    """Write a bag as another tool would: topic by topic, log times apart from stamps."""
+    writer = Writer(path, version=9, storage_plugin=plugin)
+    if compression:
+        writer.set_compression(compression, CompressionFormat.ZSTD)
+    with writer:
+        if told:
+            topic = PlatoonTopics(scenario.platoon.namespace).scenario
+            connection = writer.add_connection(topic, "std_msgs/msg/String", typestore=typestore())
+            writer.write(connection, 1_000, encode_string(format_scenario(scenario)))
+        for name, record in recording.items():
+            connection = writer.add_connection(name, record.type_name, typestore=typestore())
+            for k, row in enumerate(record.messages):
+                writer.write(connection, 5_000_000_000 + k * scenario.step_ns, row.tobytes())
+    return path
+
+
+def edited(recording, topic, edit):
+    """Return the recording with the rows of one topic replaced by `edit(rows)`."""
+    record = recording[topic]
+    return {**recording, topic: TopicRows(record.type_name, edit(np.array(record.messages)))}
+
+
+def rewritten(recording, topic, change):
+    """Return the recording with the values of one topic replaced by `change(values)`."""
+
+    def edit(rows):
+        return topic.codec.encode_many(
+            topic.codec.stamps(rows), change(topic.codec.values(rows).copy())
+        )
+
+    return edited(recording, topic.name, edit)
+
+
+@pytest.fixture(scope="session")
+def bags():
+    return SimpleNamespace(
+        scenario=short_scenario,
+        record=record,
+        run=make_run,
+        bag=make_bag,
+        foreign=make_foreign_bag,
+        edited=edited,
+        rewritten=rewritten,
+    )
+
+
+@pytest.fixture(scope="session")
+def scenario():
+    return short_scenario()
+
+
+@pytest.fixture(scope="session")
+def recording(scenario):
+    return record(scenario)
+
+
+@pytest.fixture(scope="session")
+def whole_run(tmp_path_factory, scenario):
+    """A run folder; not to be changed."""
+    return make_run(tmp_path_factory.mktemp("runs") / "whole", scenario).path
+
+
+@pytest.fixture
+def run_folder(whole_run, tmp_path):
+    """A run folder of one's own."""
+    return shutil.copytree(whole_run, tmp_path / "run")

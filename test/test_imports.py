@@ -21,7 +21,7 @@ class Room(NamedTuple):
 
 
 SCENARIO = {"errors", "model", "scenario"}
-CORE = SCENARIO | {"simulation", "msg_adapters", "run_folder"}
+CORE = SCENARIO | {"simulation", "msg_adapters", "bags", "runs"}
 ROOMS = {
     "errors": Room(set(), set()),
     "model": Room({"errors"}, {"numpy"}),
@@ -29,14 +29,15 @@ ROOMS = {
     "theory": Room({"errors", "model"}, {"numpy"}),
     "design": Room({"errors", "model", "theory"}, {"numpy"}, {"matplotlib"}),
     "simulation": Room(SCENARIO, {"numpy"}),
-    "msg_adapters": Room({*SCENARIO, "simulation"}, {"numpy", "rosbags"}),
-    "run_folder": Room({*SCENARIO, "simulation", "msg_adapters"}, {"numpy"}),
+    "msg_adapters": Room(SCENARIO, {"numpy"}),
+    "bags": Room({*SCENARIO, "msg_adapters"}, {"numpy", "ruamel", "rosbags"}),
+    "runs": Room({*SCENARIO, "simulation", "msg_adapters", "bags"}, {"numpy"}),
     "stop_signal": Room(set(), set()),
     "dds": Room(set(), set()),
     "nodes": Room({*CORE, "stop_signal", "dds"}, {"numpy", *ROS}),
     "analysis": Room(
         {*CORE, "theory", "design"},
-        {"numpy", "rosbags", "ruamel"},
+        {"numpy"},
         {"matplotlib"},
     ),
     "testing": Room(

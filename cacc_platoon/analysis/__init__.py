@@ -6,9 +6,10 @@
 from cacc_platoon.analysis.consistency import Consistency, check_consistency
 from cacc_platoon.analysis.metrics import Metrics, compute_metrics
 from cacc_platoon.analysis.noise import LinkNoise, link_noise, noise_factor
-from cacc_platoon.analysis.reading import BagError, RecordedRun, read_run
 from cacc_platoon.analysis.report import Report, analyse, report_run, write_report
 from cacc_platoon.analysis.verdict import Verdict, judge, warn_if_not_string_stable
+from cacc_platoon.bags import BagError
+from cacc_platoon.runs import RecordedRun, read_run
 
 __all__ = [
     "BagError",

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cacc_platoon.analysis.verdict import LINF_NAME, PAPER_TEST
-from cacc_platoon.run_folder import versions
+from cacc_platoon.runs.folder import versions
 
 if TYPE_CHECKING:
     from cacc_platoon.analysis.metrics import Metrics

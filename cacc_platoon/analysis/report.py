@@ -15,12 +15,13 @@ import numpy as np
 from cacc_platoon.analysis.consistency import Consistency, check_consistency
 from cacc_platoon.analysis.document import document
 from cacc_platoon.analysis.metrics import Metrics, compute_metrics
-from cacc_platoon.analysis.reading import BagError, RecordedRun, read_run
-from cacc_platoon.analysis.reading.raw import Progress
 from cacc_platoon.analysis.summary import summary
 from cacc_platoon.analysis.verdict import Verdict, judge
+from cacc_platoon.bags import BagError
+from cacc_platoon.bags.raw import Progress
 from cacc_platoon.errors import UserError
-from cacc_platoon.run_folder import BAG, INFO_FILE, PARTS, SCENARIO_FILE, RunFolder
+from cacc_platoon.runs import RecordedRun, read_run
+from cacc_platoon.runs.folder import BAG, INFO_FILE, PARTS, SCENARIO_FILE, RunFolder
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.simulation import Ensemble, Trajectory, monte_carlo, simulate
 

@@ -14,10 +14,10 @@ from cacc_platoon.cli.exit_codes import DONE, FAILED
 from cacc_platoon.cli.judge import add_verdict_arguments, conclude, warn_before
 from cacc_platoon.cli.progress import ProgressLine
 from cacc_platoon.cli.ros import prepare_nodes, require_ros
-from cacc_platoon.run_folder import default_run_folder
+from cacc_platoon.runs.folder import default_run_folder
+from cacc_platoon.runs.recorded_leader import with_recorded_leader
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import load_scenario
-from msg_adapters.chaining import with_recorded_leader
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -15,7 +15,7 @@ from cacc_platoon.cli.judge import add_verdict_arguments, conclude, warn_before
 from cacc_platoon.cli.progress import ProgressLine
 from cacc_platoon.cli.run import add_scenario_arguments
 from cacc_platoon.errors import UserError
-from cacc_platoon.run_folder import RunFolder, default_run_folder
+from cacc_platoon.runs.folder import RunFolder, default_run_folder
 from cacc_platoon.scenario.file import load_scenario
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Simulate, record, judge."""
     from cacc_platoon.analysis import report_run  # noqa: PLC0415
-    from msg_adapters.chaining import with_recorded_leader  # noqa: PLC0415  (heavy)
+    from cacc_platoon.runs.recorded_leader import with_recorded_leader  # noqa: PLC0415  (heavy)
 
     if options.runs is not None and (not 0 <= options.runs <= MOST_RUNS or options.runs == 1):
         raise UserError(
@@ -61,8 +61,8 @@ def simulate_run(scenario: Scenario, path: Path, progress: ProgressLine | None =
     UserError
         When the folder exists or cannot be written.
     """
+    from cacc_platoon.runs.recording import recording_of  # noqa: PLC0415
     from cacc_platoon.simulation import simulate  # noqa: PLC0415
-    from msg_adapters.recording import recording_of  # noqa: PLC0415
 
     folder = RunFolder.create(path, scenario)
     begun = time.monotonic()

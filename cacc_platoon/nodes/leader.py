@@ -8,8 +8,8 @@ from cacc_platoon.model import State
 from cacc_platoon.nodes import qos
 from cacc_platoon.nodes.lockstep import LockstepLeader
 from cacc_platoon.nodes.node import PlatoonNode
+from cacc_platoon.runs.recorded_leader import with_recorded_leader
 from cacc_platoon.scenario import Scenario
-from msg_adapters.chaining import with_recorded_leader
 from msg_adapters.topics import PlatoonTopics
 
 

@@ -11,8 +11,8 @@ from std_msgs.msg import Int64
 
 from cacc_platoon.nodes import qos
 from cacc_platoon.nodes.node import MESSAGE_TYPES
+from cacc_platoon.runs.parts import PartWriter
 from cacc_platoon.scenario import Scenario
-from msg_adapters.recording import PartWriter
 from msg_adapters.stamped import SECOND
 from msg_adapters.topics import Topic
 

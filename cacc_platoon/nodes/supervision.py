@@ -15,6 +15,7 @@ from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import Executor
 from rclpy.signals import SignalHandlerOptions
 
+from cacc_platoon.bags.rows import Recording
 from cacc_platoon.dds import shared_memory
 from cacc_platoon.errors import UserError
 from cacc_platoon.nodes.diagnosis import diagnose
@@ -24,9 +25,9 @@ from cacc_platoon.nodes.launcher import HostProcesses, plan_hosts
 from cacc_platoon.nodes.recorder import RecorderNode
 from cacc_platoon.nodes.session import FAILED, FINISHED, HostSession
 from cacc_platoon.nodes.supervisor import GRAPH_PERIOD, SupervisorNode
-from cacc_platoon.run_folder import RunFolder
+from cacc_platoon.runs.folder import RunFolder
+from cacc_platoon.runs.parts import read_parts
 from cacc_platoon.scenario import Scenario
-from msg_adapters.recording import Recording, read_parts
 
 TICK = 0.02
 NEWCOMER_WAIT = 0.4

@@ -205,7 +205,7 @@ class Scenario:
             case "bag":
                 raise UserError(
                     f"{self.name}: leader.file = {leader.file} has not been read, so the leader's "
-                    "motion is unknown. Read it with msg_adapters.chaining.with_recorded_leader."
+                    "motion is unknown. Read it with runs.recorded_leader.with_recorded_leader."
                 )
         return PiecewiseConstantAcceleration(speed, [], [])
 

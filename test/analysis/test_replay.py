@@ -13,12 +13,12 @@ from cacc_platoon.analysis.replay import (
     what_if,
     what_if_figure,
 )
+from cacc_platoon.bags.write import write_bag
 from cacc_platoon.errors import UserError
+from cacc_platoon.runs.recording import recording_of
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import format_scenario
 from cacc_platoon.simulation import simulate
-from msg_adapters.bag import write_bag
-from msg_adapters.recording import recording_of
 from msg_adapters.topics import VehicleTopics
 
 VALUES = {

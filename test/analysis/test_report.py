@@ -9,12 +9,13 @@ import pytest
 from cacc_platoon.analysis import report_run
 from cacc_platoon.analysis.page.tables import look_up
 from cacc_platoon.cli import main
-from cacc_platoon.run_folder import RunFolder
+from cacc_platoon.runs.folder import RunFolder
+from cacc_platoon.runs.parts import PartWriter
+from cacc_platoon.runs.recording import recording_of
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import format_scenario
 from cacc_platoon.scenario.table import TABLE
 from cacc_platoon.simulation import simulate
-from msg_adapters.recording import PartWriter, recording_of
 from msg_adapters.topics import digest_topics
 
 

@@ -2,12 +2,13 @@
 
 import pytest
 
+from cacc_platoon.bags.rows import TopicRows
 from cacc_platoon.nodes.host import recorded_topics
 from cacc_platoon.nodes.launcher import plan_hosts
 from cacc_platoon.nodes.supervision import incomplete
+from cacc_platoon.runs.recording import recording_of
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.simulation import simulate
-from msg_adapters.recording import TopicRecord, recording_of
 
 SCENARIO = Scenario.from_values({"run.duration": 1.0, "platoon.followers": 2}, None, "test")
 NODES = SCENARIO.node_names
@@ -21,7 +22,7 @@ def test_a_whole_run_lacks_nothing() -> None:
 def test_one_missing_message_is_named(topic: str) -> None:
     recording = recording_of(simulate(SCENARIO))
     record = recording[topic]
-    recording[topic] = TopicRecord(record.type_name, record.messages[:-1])
+    recording[topic] = TopicRows(record.type_name, record.messages[:-1])
     assert incomplete(SCENARIO, recording) == f"{topic}: only 100 of 101 samples were recorded"
 
 

@@ -9,9 +9,9 @@ import pytest
 
 from cacc_platoon.analysis import Report, check_consistency, compute_metrics, judge
 from cacc_platoon.analysis.paper import CASES, case_scenario, reproduce, write_reproduction
-from cacc_platoon.analysis.reading import RecordedRun
-from cacc_platoon.analysis.reading.grid import Grid
 from cacc_platoon.cli import main
+from cacc_platoon.runs import RecordedRun
+from cacc_platoon.runs.sample_grid import Grid
 from cacc_platoon.scenario.file import load_scenario
 from cacc_platoon.simulation import monte_carlo, simulate
 

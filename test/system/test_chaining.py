@@ -6,8 +6,9 @@ from pathlib import Path
 
 from rosbags.rosbag2 import Reader
 
+from cacc_platoon.bags.digest import digest
+from cacc_platoon.runs.recording import recording_of
 from cacc_platoon.testing import Platoon
-from msg_adapters.recording import digest, recording_of
 from msg_adapters.topics import digest_topics
 
 Start = Callable[..., Platoon]

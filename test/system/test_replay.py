@@ -19,9 +19,10 @@ from rosbags.rosbag2 import Reader
 from cacc_platoon.cli.simulate import simulate_run
 from cacc_platoon.dds.domain import own_domain
 from cacc_platoon.model import State
+from cacc_platoon.runs.parts import read_parts
+from cacc_platoon.runs.recording import recording_of
 from cacc_platoon.scenario.file import load_scenario
 from cacc_platoon.simulation import Trajectory, simulate
-from msg_adapters.recording import read_parts, recording_of
 from msg_adapters.topics import VehicleTopics
 
 PAPER_A = Path(__file__).parents[2] / "config" / "paper_a.yaml"

@@ -12,11 +12,12 @@ from pathlib import Path
 import pytest
 from rosbags.rosbag2 import Reader
 
+from cacc_platoon.bags.digest import digest, topic_digest
+from cacc_platoon.runs.recording import recording_of
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import load_scenario
 from cacc_platoon.simulation import simulate
 from cacc_platoon.testing import Platoon
-from msg_adapters.recording import digest, recording_of, topic_digest
 from msg_adapters.topics import digest_topics
 
 PAPER_A = Path(__file__).parents[2] / "config" / "paper_a.yaml"

@@ -19,8 +19,8 @@ from cacc_platoon.analysis.page.tables import (
 from cacc_platoon.analysis.page.verdict import findings_section, verdict_section
 
 if TYPE_CHECKING:
-    from cacc_platoon.analysis.reading.raw import Progress
     from cacc_platoon.analysis.report import Report
+    from cacc_platoon.bags.raw import Progress
 
 
 @np.errstate(all="ignore")  # numbers of an unstable run may overflow in a figure, too

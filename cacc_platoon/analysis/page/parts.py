@@ -13,7 +13,7 @@ from cacc_platoon.analysis.page.look import STYLE
 
 if TYPE_CHECKING:
     from cacc_platoon.analysis.page.pictures import Picture
-    from cacc_platoon.analysis.reading.raw import Progress
+    from cacc_platoon.bags.raw import Progress
 
 
 def html_page(title: str, body: str, data: dict[str, Any]) -> str:

@@ -18,8 +18,8 @@ from cacc_platoon.analysis.paper.pictures import paper_pictures
 from cacc_platoon.errors import UserError
 
 if TYPE_CHECKING:
-    from cacc_platoon.analysis.reading.raw import Progress
     from cacc_platoon.analysis.report import Report
+    from cacc_platoon.bags.raw import Progress
 
 __all__ = ["CASES", "Case", "Claim", "Reproduction", "case_scenario", "reproduce"]
 

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cacc_platoon.analysis.reading.raw import Bytes
 from cacc_platoon.analysis.replay.recorded import NodeRecord, Stream
-from cacc_platoon.run_folder import fingerprint, versions
+from cacc_platoon.bags.raw import Bytes
+from cacc_platoon.runs.folder import fingerprint, versions
 from msg_adapters.topics import Topic
 
 _UNITS = {"PoseStamped": "m", "TwistStamped": "m/s", "AccelStamped": "m/s^2"}

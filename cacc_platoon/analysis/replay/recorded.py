@@ -8,12 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cacc_platoon.analysis.reading import BagError, RecordedRun, read_run
-from cacc_platoon.analysis.reading.files import RawBag, read_bag
-from cacc_platoon.analysis.reading.raw import Bytes, Integers, Progress
-from cacc_platoon.analysis.reading.signals import Floats, rows_in_stamp_order
 from cacc_platoon.analysis.report import locate
+from cacc_platoon.bags import BagError
+from cacc_platoon.bags.decode import Floats, rows_in_stamp_order
+from cacc_platoon.bags.raw import Bytes, Integers, Progress
+from cacc_platoon.bags.read import RawBag, read_bag
 from cacc_platoon.errors import UserError
+from cacc_platoon.runs import RecordedRun, read_run
 from cacc_platoon.scenario import Scenario
 from msg_adapters.topics import Topic, VehicleTopics
 

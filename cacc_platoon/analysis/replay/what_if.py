@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cacc_platoon.analysis.figures.style import BLUE, ORANGE, Axes, draw_svg, reduce, standalone
-from cacc_platoon.analysis.reading.signals import Floats
 from cacc_platoon.analysis.replay.recorded import NodeRecord
+from cacc_platoon.bags.decode import Floats
 from cacc_platoon.errors import UserError
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import format_scenario, parse_scenario

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +16,11 @@ import numpy.typing as npt
 from cacc_platoon.errors import UserError
 from cacc_platoon.model import RecordedMotion
 from cacc_platoon.scenario import Scenario
-from msg_adapters.bag import read_topics, topic_names
-from msg_adapters.recording import Recording, digest_of
+from cacc_platoon.bags.decode import rows_in_stamp_order
+from cacc_platoon.bags.raw import RawTopic
+from cacc_platoon.bags.read import read_bag
+from cacc_platoon.bags.rows import Recording, TopicRows
+from cacc_platoon.bags.digest import digest_of
 from msg_adapters.stamped import SECOND
 from msg_adapters.topics import Topic, VehicleTopics
 
@@ -35,10 +39,10 @@ def with_recorded_leader(scenario: Scenario) -> Scenario:
     leader = scenario.leader
     if leader.profile != "bag" or scenario.recorded_leader:
         return scenario
-    bag = _locate(scenario)
+    bag = read_bag(_locate(scenario)).topics
     vehicle = _recorded_vehicle(bag, scenario)
     topics = (vehicle.pose, vehicle.twist, vehicle.accel)
-    recording = read_topics(bag, [topic.name for topic in topics])
+    recording = _rows(bag, topics)
     for topic in topics:
         _check_grid(topic, recording, scenario)
     found = digest_of(recording, recording)
@@ -77,13 +81,24 @@ def _locate(scenario: Scenario) -> Path:
     return path / "bag" if (path / "bag").is_dir() else path
 
 
-def _recorded_vehicle(bag: Path, scenario: Scenario) -> VehicleTopics:
+def _rows(bag: Mapping[str, list[RawTopic]], topics: Iterable[Topic]) -> Recording:
+    """Return the messages of some topics in stamp order; those that have none are left out."""
+    found = {}
+    for topic in topics:
+        parts = bag.get(topic.name, [])
+        rows = rows_in_stamp_order(parts)
+        if rows is not None:
+            found[topic.name] = TopicRows(parts[0].type_name, rows)
+    return found
+
+
+def _recorded_vehicle(bag: Iterable[str], scenario: Scenario) -> VehicleTopics:
     """Return the topics of the vehicle that leads, in the platoon of the same name or the only one.
 
     The last vehicle is the last one that has a pose.
     """
     vehicles: dict[str, list[int]] = {}
-    for name in topic_names(bag):
+    for name in bag:
         if match := re.fullmatch(r"(.*)/vehicle_(\d{1,4})/pose", name):
             vehicles.setdefault(match[1], []).append(int(match[2]))
     prefix = scenario.platoon.namespace

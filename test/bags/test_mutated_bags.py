@@ -8,9 +8,9 @@ import pytest
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
 from cacc_platoon.analysis import analyse, report_run
+from cacc_platoon.bags.rows import TopicRows
 from cacc_platoon.cli import main
 from cacc_platoon.errors import UserError
-from msg_adapters.recording import TopicRecord
 
 BAGS = 100
 PATIENCE = 5.0  # s
@@ -53,7 +53,7 @@ def sources(bags, tmp_path_factory, scenario, recording):
     records = list(recording.values())
     shuffled = dict(zip(recording, [*records[1:], records[0]], strict=True))
     short = {
-        name: TopicRecord("std_msgs/msg/String", r.messages[:, :9]) for name, r in recording.items()
+        name: TopicRows("std_msgs/msg/String", r.messages[:, :9]) for name, r in recording.items()
     }
     return [
         bags.bag(folder / "ours", scenario, recording),

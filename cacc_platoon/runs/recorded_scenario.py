@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
-import struct
-from collections.abc import Iterator
 from pathlib import Path
 
-from cacc_platoon.analysis.reading.files import RawBag
-from cacc_platoon.analysis.reading.grid import Grid
-from cacc_platoon.analysis.reading.platoon import FoundPlatoon
-from cacc_platoon.analysis.reading.raw import RawTopic
-from cacc_platoon.run_folder import SCENARIO_FILE
+from cacc_platoon.bags.read import RawBag
+from cacc_platoon.runs.sample_grid import Grid
+from cacc_platoon.runs.find_platoons import FoundPlatoon
+from cacc_platoon.bags.raw import RawTopic
+from cacc_platoon.runs.folder import SCENARIO_FILE
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import parse_scenario, scenario_name
 from cacc_platoon.scenario.parameter import ScenarioError
+from msg_adapters.text import decode_string
 from msg_adapters.topics import PlatoonTopics
 
 
@@ -27,7 +26,9 @@ def recorded_scenario(
         if name.endswith("/scenario") and (
             prefix is None or name == PlatoonTopics(prefix).scenario
         ):
-            texts += [(name, text) for part in parts for text in _strings(part)]
+            texts += [
+                (name, decode_string(data)) for part in parts for data in part.messages()
+            ]
     if "scenario" in raw.custom_data:
         texts.append(("metadata.yaml: scenario", raw.custom_data["scenario"]))
     file = folder / SCENARIO_FILE if folder else None
@@ -80,11 +81,3 @@ def cut_to_samples(scenario: Scenario, grid: Grid, notes: list[str]) -> Scenario
     if grid.samples != scenario.samples:
         run = dataclasses.replace(run, duration=(grid.samples - 1) * run.step)
     return dataclasses.replace(scenario, run=run)
-
-
-def _strings(part: RawTopic) -> Iterator[str]:
-    """Yield the text of each std_msgs/String."""
-    for data in part.messages():
-        if len(data) >= 8:
-            (length,) = struct.unpack_from("<I", data, 4)
-            yield data[8 : 8 + length].rstrip(b"\0").decode(errors="replace")

@@ -8,14 +8,10 @@ import pytest
 
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.simulation import simulate
-from msg_adapters.recording import (
-    PartWriter,
-    TopicRecord,
-    digest,
-    read_parts,
-    recording_of,
-    trajectory_of,
-)
+from cacc_platoon.runs.parts import PartWriter, read_parts
+from cacc_platoon.bags.rows import TopicRows
+from cacc_platoon.bags.digest import digest
+from cacc_platoon.runs.recording import recording_of, trajectory_of
 from msg_adapters.topics import VehicleTopics, digest_topics
 
 SCENARIO = Scenario.from_values(
@@ -88,7 +84,7 @@ def test_the_digest_is_the_hash_of_the_sorted_topic_hashes(recording):
 
 
 def test_topics_beside_the_run_do_not_count(recording):
-    more = {**recording, "/clock": TopicRecord("rosgraph_msgs/msg/Clock", np.zeros((3, 8), "u1"))}
+    more = {**recording, "/clock": TopicRows("rosgraph_msgs/msg/Clock", np.zeros((3, 8), "u1"))}
     assert digest(more, "/platoon", 3) == digest(recording, "/platoon", 3)
 
 

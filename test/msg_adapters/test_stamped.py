@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 
-from msg_adapters.bag import encode_string, typestore
+from cacc_platoon.bags.write import typestore
 from msg_adapters.stamped import (
     ACCEL,
     POSE,
@@ -18,6 +18,7 @@ from msg_adapters.stamped import (
     frame_of,
     stamp_of,
 )
+from msg_adapters.text import encode_string
 
 KINDS = [POSE, TWIST, ACCEL, VECTOR]
 CLASSES = {

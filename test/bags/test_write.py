@@ -7,11 +7,11 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 from ruamel.yaml import YAML
 
+from cacc_platoon.bags.write import write_bag
+from cacc_platoon.runs.recording import recording_of
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import format_scenario, parse_scenario
 from cacc_platoon.simulation import simulate
-from msg_adapters.bag import write_bag
-from msg_adapters.recording import recording_of
 
 SCENARIO = Scenario.from_values({"platoon.followers": 2, "run.duration": 1.0, "leader.start": 0.1})
 TEXT = format_scenario(SCENARIO)

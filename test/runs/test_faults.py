@@ -5,8 +5,10 @@ import shutil
 import numpy as np
 import pytest
 
-from cacc_platoon.analysis import BagError, analyse, read_run
-from msg_adapters.recording import TopicRecord
+from cacc_platoon.bags import BagError
+from cacc_platoon.analysis import analyse
+from cacc_platoon.runs import read_run
+from cacc_platoon.bags.rows import TopicRows
 from msg_adapters.topics import VehicleTopics
 
 SECOND = VehicleTopics("/platoon", 2)
@@ -80,7 +82,7 @@ def test_second_platoon_of_the_same_name(bags, tmp_path, scenario, recording):
     """Another run recorded into the same topics: each stamp twice, with other values."""
     other = bags.record(bags.scenario({"run.seed": 9}))
     mixed = {
-        name: TopicRecord(
+        name: TopicRows(
             record.type_name,
             np.stack([record.messages, other[name].messages], axis=1).reshape(
                 -1, record.messages.shape[1]

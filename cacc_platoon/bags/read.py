@@ -7,9 +7,10 @@ from typing import Any, NamedTuple
 
 from ruamel.yaml import YAML
 
-from cacc_platoon.analysis.reading.mcap import read_mcap
-from cacc_platoon.analysis.reading.others import read_sqlite, read_with_rosbags
-from cacc_platoon.analysis.reading.raw import BagError, Progress, RawFile, RawTopic
+from cacc_platoon.bags.compressed import read_with_rosbags
+from cacc_platoon.bags.mcap_scan import read_mcap
+from cacc_platoon.bags.raw import BagError, Progress, RawFile, RawTopic
+from cacc_platoon.bags.sqlite_scan import read_sqlite
 
 METADATA = "metadata.yaml"
 _READERS = {".mcap": read_mcap, ".db3": read_sqlite}

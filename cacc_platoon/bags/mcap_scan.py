@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cacc_platoon.analysis.reading.raw import (
+from cacc_platoon.bags.raw import (
     BagError,
     Bytes,
     Integers,

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
-import struct
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
 
-import numpy as np
 from rosbags.interfaces import (
     Connection,
     Qos,
@@ -18,23 +15,16 @@ from rosbags.interfaces import (
     QosReliability,
     QosTime,
 )
-from rosbags.rosbag2 import Reader, StoragePlugin, Writer
+from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
-from cacc_platoon.errors import UserError
-from msg_adapters.recording import Recording, TopicRecord
-from msg_adapters.stamped import stamp_of
+from cacc_platoon.bags.rows import Recording
+from msg_adapters.text import encode_string
 
 STRING_TYPE = "std_msgs/msg/String"
 _FOREVER = QosTime(9223372036, 854775807)
 _PROGRESS_STRIDE = 500
-
-
-def encode_string(text: str) -> bytes:
-    """Return the CDR bytes of a std_msgs/String."""
-    data = text.encode() + b"\0"
-    return b"\x00\x01\x00\x00" + struct.pack("<I", len(data)) + data
 
 
 def write_bag(
@@ -105,57 +95,6 @@ def _write_samples(
                 writer.write(connection, k * step_ns, data[k * size : (k + 1) * size])
         if progress and k % _PROGRESS_STRIDE == 0:
             progress(k, samples)
-
-
-def topic_names(path: Path) -> list[str]:
-    """Return the topics of a bag, its folder or one storage file, that have messages.
-
-    Raises
-    ------
-    UserError
-        When it cannot be read as a whole.
-    """
-    with _opened(path) as reader:
-        return sorted({c.topic for c in reader.connections if c.msgcount})
-
-
-def read_topics(path: Path, names: Collection[str]) -> dict[str, TopicRecord]:
-    """Return the messages of some topics of a bag in stamp order; those it lacks are left out.
-
-    Raises
-    ------
-    UserError
-        When it cannot be read as a whole, or messages of one topic have several lengths.
-    """
-    found: dict[str, list[bytes]] = {}
-    types: dict[str, str] = {}
-    with _opened(path) as reader:
-        wanted = [c for c in reader.connections if c.topic in names]
-        types = {c.topic: c.msgtype for c in wanted}
-        if wanted:
-            for connection, _, data in reader.messages(connections=wanted):
-                found.setdefault(connection.topic, []).append(bytes(data))
-    records = {}
-    for name, messages in found.items():
-        sizes = {len(message) for message in messages}
-        if len(sizes) > 1:
-            raise UserError(f"{path}: {name} has messages of several lengths. Give another bag.")
-        messages.sort(key=stamp_of)
-        rows = np.frombuffer(b"".join(messages), np.uint8).reshape(len(messages), -1)
-        records[name] = TopicRecord(types[name], rows)
-    return records
-
-
-@contextlib.contextmanager
-def _opened(path: Path) -> Iterator[Reader]:
-    try:
-        with Reader(path) as reader:
-            yield reader
-    except UserError:
-        raise
-    except Exception as error:  # a damaged bag fails in many ways, all of them mean the same
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise UserError(f"{path}: cannot be read as a bag ({reason}). Give another bag.") from error
 
 
 @lru_cache(maxsize=1)

@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from cacc_platoon.analysis.reading.raw import RawTopic
+from cacc_platoon.bags.raw import RawTopic
 from msg_adapters.topics import Topic, VehicleTopics
 
 _VEHICLE_TOPIC = re.compile(r"(.*)/vehicle_(\d{1,4})/(?:pose|twist|accel|v2v/accel)")

@@ -21,8 +21,10 @@ from cacc_platoon import __version__
 from cacc_platoon.errors import UserError
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import format_scenario, load_scenario
-from msg_adapters.bag import write_bag
-from msg_adapters.recording import Recording, digest_of, read_parts
+from cacc_platoon.bags.write import write_bag
+from cacc_platoon.bags.rows import Recording
+from cacc_platoon.bags.digest import digest_of
+from cacc_platoon.runs.parts import read_parts
 from msg_adapters.topics import PlatoonTopics, queue_depth, run_topics
 
 SCENARIO_FILE = "scenario.yaml"

@@ -11,9 +11,11 @@ from cacc_platoon.errors import UserError
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import format_scenario, load_scenario, parse_scenario
 from cacc_platoon.simulation import simulate
-from msg_adapters.bag import read_topics, topic_names, write_bag
-from msg_adapters.chaining import with_recorded_leader
-from msg_adapters.recording import TopicRecord, recording_of
+from cacc_platoon.bags import read_bag, write_bag
+from cacc_platoon.bags.decode import rows_in_stamp_order
+from cacc_platoon.runs.recorded_leader import with_recorded_leader
+from cacc_platoon.bags.rows import TopicRows
+from cacc_platoon.runs.recording import recording_of
 from msg_adapters.topics import VehicleTopics
 
 FRONT = {"platoon.followers": 3, "run.duration": 2.0, "leader.start": 0.3, "leader.amplitude": 2.0}
@@ -114,17 +116,19 @@ def test_a_bag_that_is_gone_is_named_with_its_digest(front, tmp_path):
 
 def test_a_broken_bag_is_refused(tmp_path):
     (tmp_path / "bag").mkdir()
-    with pytest.raises(UserError, match="cannot be read as a bag"):
+    with pytest.raises(UserError, match=r"holds no .mcap or .db3 file"):
         with_recorded_leader(chained(tmp_path))
 
 
 def spoiled(front, path, topic, change):
     """Write the front's bag with one topic changed."""
-    names = topic_names(front / "bag")
-    recording = read_topics(front / "bag", names)
-    recording.pop("/platoon/scenario")
+    recording = {
+        name: TopicRows(parts[0].type_name, rows_in_stamp_order(parts))
+        for name, parts in read_bag(front / "bag").topics.items()
+        if name != "/platoon/scenario"
+    }
     messages = change(recording[topic.name].messages.copy())
-    recording[topic.name] = TopicRecord(topic.kind.type_name, messages)
+    recording[topic.name] = TopicRows(topic.kind.type_name, messages)
     write_bag(
         path / "bag",
         recording,

@@ -11,21 +11,22 @@ from typing import Any
 
 import numpy as np
 
-from cacc_platoon.analysis.reading.files import RawBag, read_bag
-from cacc_platoon.analysis.reading.grid import Fault, Grid, group, lay_grid, sample
-from cacc_platoon.analysis.reading.parameters import (
+from cacc_platoon.bags.read import RawBag, read_bag
+from cacc_platoon.runs.sample_grid import Fault, Grid, group, lay_grid, sample
+from cacc_platoon.runs.recorded_scenario import (
     cut_to_samples,
     fit_to_topics,
     recorded_scenario,
 )
-from cacc_platoon.analysis.reading.platoon import FoundPlatoon, Role, expected_topics, find_platoons
-from cacc_platoon.analysis.reading.raw import BagError, Progress, one_line
-from cacc_platoon.analysis.reading.signals import Floats, Signal, decode, rows_in_stamp_order
+from cacc_platoon.runs.find_platoons import FoundPlatoon, Role, expected_topics, find_platoons
+from cacc_platoon.bags.raw import BagError, Progress, one_line
+from cacc_platoon.bags.decode import Floats, Signal, decode, rows_in_stamp_order
 from cacc_platoon.model import RecordedMotion
-from cacc_platoon.run_folder import INFO_FILE
+from cacc_platoon.runs.folder import INFO_FILE
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.simulation import Trajectory
-from msg_adapters.recording import TopicRecord, digest_of
+from cacc_platoon.bags.rows import TopicRows
+from cacc_platoon.bags.digest import digest_of
 from msg_adapters.topics import Topic
 
 _NAMED_TOPICS = 3
@@ -269,16 +270,16 @@ def _trajectory(scenario: Scenario, columns: Mapping[Role, Floats]) -> Trajector
     return Trajectory(scenario, *states, stack("received"))
 
 
-class _Rows(Mapping[str, TopicRecord]):
+class _Rows(Mapping[str, TopicRows]):
     """The recording that `digest` reads, one topic in memory at a time."""
 
     def __init__(self, raw: RawBag, topics: Mapping[Role, Topic]) -> None:
         self._parts = {t.name: raw.topics[t.name] for t in topics.values() if t.name in raw.topics}
 
-    def __getitem__(self, name: str) -> TopicRecord:
+    def __getitem__(self, name: str) -> TopicRows:
         parts = self._parts[name]
         rows = rows_in_stamp_order(parts)
-        return TopicRecord(parts[0].type_name, np.empty((0, 0), np.uint8) if rows is None else rows)
+        return TopicRows(parts[0].type_name, np.empty((0, 0), np.uint8) if rows is None else rows)
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._parts)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from cacc_platoon.analysis.reading.raw import Bytes, Integers, RawTopic
+from cacc_platoon.bags.raw import Bytes, Integers, RawTopic
 from msg_adapters.stamped import SECOND, Kind
 
 Floats = npt.NDArray[np.float64]

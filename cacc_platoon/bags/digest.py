@@ -1,0 +1,33 @@
+"""The digest of a run: equal digests mean equal bits."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable
+
+import numpy as np
+
+from cacc_platoon.bags.rows import Recording, TopicRows
+from msg_adapters.topics import digest_topics
+
+
+def digest(recording: Recording, prefix: str, followers: int, first: int = 1) -> str:
+    """Return the SHA-256 over pose, twist, accel and v2v/accel of all vehicles.
+
+    Each topic is hashed over its messages in stamp order; the digest is the hash of the lines
+    `<topic> <hash>`, sorted by topic. Two runs agree to the last bit exactly when their digests do.
+    """
+    return digest_of(recording, [topic.name for topic in digest_topics(prefix, followers, first)])
+
+
+def digest_of(recording: Recording, names: Iterable[str]) -> str:
+    """Return the SHA-256 over some topics of a recording, made as that of a run."""
+    lines = sorted(
+        f"{name} {topic_digest(recording[name])}\n" for name in names if name in recording
+    )
+    return hashlib.sha256("".join(lines).encode()).hexdigest()
+
+
+def topic_digest(record: TopicRows) -> str:
+    """Return the SHA-256 of one topic's messages in stamp order."""
+    return hashlib.sha256(np.ascontiguousarray(record.messages).data).hexdigest()

@@ -1,0 +1,68 @@
+"""rosbag2 sqlite3 files, read up to where they are damaged."""
+
+from __future__ import annotations
+
+import shutil
+import sqlite3
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from cacc_platoon.bags.collector import BATCH, Collector
+from cacc_platoon.bags.raw import BagError, Progress, RawFile
+
+_LARGEST = 1 << 36
+_CUT_SHORT = "is cut short; read as far as it goes"
+
+
+def read_sqlite(path: Path, progress: Progress | None = None) -> RawFile:
+    """Find every message of a rosbag2 sqlite3 file, up to where it is damaged.
+
+    Raises
+    ------
+    BagError
+        When the file is no rosbag2 database.
+    """
+    with TemporaryDirectory() as folder:
+        whole = _padded(path, Path(folder))
+        return _read_tables(path, whole or path, [] if whole is None else [_CUT_SHORT], progress)
+
+
+def _padded(path: Path, folder: Path) -> Path | None:
+    """Return a copy of a file cut short, filled up with zeros; sqlite refuses it otherwise."""
+    with path.open("rb") as file:
+        header = file.read(32)
+    page = int.from_bytes(header[16:18], "big")
+    size = (65536 if page == 1 else page) * int.from_bytes(header[28:32], "big")
+    if not path.stat().st_size < size < _LARGEST:
+        return None
+    copy = folder / "padded.db3"
+    shutil.copyfile(path, copy)
+    with copy.open("r+b") as file:
+        file.truncate(size)
+    return copy
+
+
+def _read_tables(path: Path, source: Path, damage: list[str], progress: Progress | None) -> RawFile:
+    database = sqlite3.connect(f"{source.resolve().as_uri()}?mode=ro&immutable=1", uri=True)
+    collector = Collector()
+    try:
+        channels = {
+            int(number): (str(name), str(kind))
+            for number, name, kind in database.execute("SELECT id, name, type FROM topics")
+        }
+    except (sqlite3.Error, ValueError, TypeError) as error:
+        database.close()
+        raise BagError(f"{path}: is not a rosbag2 database ({error}). Give a bag.") from error
+    try:
+        rows = database.execute("SELECT topic_id, timestamp, data FROM messages ORDER BY id")
+        for count, (channel, log_time, data) in enumerate(rows):
+            if isinstance(data, bytes) and isinstance(log_time, int) and isinstance(channel, int):
+                collector.add(channel, log_time, data)
+            if progress and count % BATCH == 0:
+                progress("reading", count, 0)
+    except (sqlite3.Error, OverflowError) as error:
+        if not damage:
+            damage = [f"is damaged ({error}); read as far as it goes"]
+    finally:
+        database.close()
+    return collector.finish(channels, damage)
