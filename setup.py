@@ -15,7 +15,7 @@ version = re.search(r'__version__ = "(.+)"', (here / NAME / "__init__.py").read_
 
 executables = [f"platoon = {NAME}.cli:main"]
 if not PIP_COMMANDS.intersection(sys.argv):  # colcon: lib/cacc_platoon, where `ros2 run` looks
-    executables += [f"{node} = {NAME}.nodes.executables:{node}" for node in NODES]
+    executables += [f"{node} = {NAME}.supervision.entry_points:{node}" for node in NODES]
     executables += [f"supervisor = {NAME}.cli.supervisor:main"]
 
 

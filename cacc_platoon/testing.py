@@ -41,16 +41,17 @@ from cacc_platoon.dds.environment import prefer_local
 from cacc_platoon.dds.shared_memory import cleared_segments
 from cacc_platoon.nodes import qos
 from cacc_platoon.nodes.node import MESSAGE_TYPES
-from cacc_platoon.nodes.session import ENDED, heard
 from cacc_platoon.runs.folder import INFO_FILE, RunFolder
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import format_scenario, load_scenario
 from cacc_platoon.simulation import Trajectory
+from cacc_platoon.supervision.host_session import ENDED, heard
 from msg_adapters.topics import PlatoonTopics, Topic
 
 PATIENCE = 60.0
 GOODBYE = 10.0
 MARK = "CACC_PLATOON_TEST"
+ENTRY_POINTS = "cacc_platoon.supervision.entry_points"
 
 
 @dataclass(frozen=True)
@@ -188,7 +189,7 @@ class Platoon:
         `parameters` are `name:=value` texts.
         """
         namespace, _, kind = node.rpartition("/")
-        own = f"import sys; from cacc_platoon.nodes.executables import {kind}; sys.exit({kind}())"
+        own = f"import sys; from {ENTRY_POINTS} import {kind}; sys.exit({kind}())"
         arguments = [*(command or (sys.executable, "-c", own)), "--ros-args"]
         prefix = self.scenario.platoon.namespace
         arguments += ["-r", f"__ns:={prefix}/{namespace}".rstrip("/")]

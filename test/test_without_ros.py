@@ -8,7 +8,12 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-NEEDS_ROS = ("cacc_platoon.nodes", "cacc_platoon.testing", "cacc_platoon.__main__")
+NEEDS_ROS = (
+    "cacc_platoon.nodes",
+    "cacc_platoon.supervision",
+    "cacc_platoon.testing",
+    "cacc_platoon.__main__",
+)
 WITHOUT_ROS = """
 import sys
 

@@ -93,7 +93,7 @@ def _discovery() -> Finding:
     """Let two processes exchange a message over DDS."""
     prefer_local(os.environ)
     try:
-        from cacc_platoon.nodes.echo import measure_round_trip  # noqa: PLC0415
+        from cacc_platoon.supervision.round_trip import measure_round_trip  # noqa: PLC0415
     except ImportError:
         return Finding("DDS", False, "not tried without rclpy")
     seconds = measure_round_trip(timeout=10.0)

@@ -75,8 +75,8 @@ def run(options: argparse.Namespace) -> int:
 
 def _run_on_nodes(scenario: Scenario, path: Path, stop: StopSignal) -> bool:
     """Run one case; say why when it did not finish."""
-    from cacc_platoon.nodes.session import FINISHED  # noqa: PLC0415  (needs ROS)
-    from cacc_platoon.nodes.supervision import run_platoon  # noqa: PLC0415
+    from cacc_platoon.supervision.conductor import run_platoon  # noqa: PLC0415
+    from cacc_platoon.supervision.host_session import FINISHED  # noqa: PLC0415  (needs ROS)
 
     if stop.received():
         return False

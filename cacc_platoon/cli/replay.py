@@ -99,8 +99,8 @@ def _replay(
 ) -> Mapping[str, list[bytes]]:
     """Run the node and return its messages."""
     from cacc_platoon.model import State  # noqa: PLC0415
-    from cacc_platoon.nodes.replay import plan_replay, replay_node  # noqa: PLC0415
-    from cacc_platoon.nodes.supervision import RunFailedError  # noqa: PLC0415
+    from cacc_platoon.supervision.conductor import RunFailedError  # noqa: PLC0415
+    from cacc_platoon.supervision.replay import plan_replay, replay_node  # noqa: PLC0415
 
     run = dataclasses.replace(scenario.run, real_time_factor=0.0)
     initial = None

@@ -29,7 +29,7 @@ def require_ros(verb: str, without_ros: str) -> None:
         When a package of ROS cannot be imported.
     """
     try:
-        from cacc_platoon.nodes import launcher  # noqa: PLC0415, F401  (that is the question)
+        from cacc_platoon.supervision import launcher  # noqa: PLC0415, F401  (that is the question)
     except ModuleNotFoundError as error:
         if error.name not in ROS_MODULES:
             raise
@@ -45,7 +45,7 @@ def prepare_nodes(local: bool = True) -> StopSignal:
     Processes of hosts begin with the environment as it is now. DDS stays on this machine when
     `local`, unless the environment says otherwise.
     """
-    from cacc_platoon.nodes import launcher  # noqa: PLC0415  (needs ROS)
+    from cacc_platoon.supervision import launcher  # noqa: PLC0415  (needs ROS)
 
     if local:
         prefer_local(os.environ)

@@ -66,8 +66,8 @@ def run_and_judge(scenario: Scenario, output: Path | None, options: argparse.Nam
     stop = prepare_nodes(local=scenario.run.spawn)
     with libraries_on_stderr():
         from cacc_platoon.analysis import report_run  # noqa: PLC0415  (heavy)
-        from cacc_platoon.nodes.session import FINISHED  # noqa: PLC0415
-        from cacc_platoon.nodes.supervision import run_platoon  # noqa: PLC0415
+        from cacc_platoon.supervision.conductor import run_platoon  # noqa: PLC0415
+        from cacc_platoon.supervision.host_session import FINISHED  # noqa: PLC0415
 
         warn_before(scenario)
         with ProgressLine(scenario.run.step) as progress:

@@ -41,7 +41,7 @@ def _scenario() -> Scenario:
     ROS hands a node its own parameters only; the sections for single vehicles, which the hosts
     need, are read from the files themselves.
     """
-    from cacc_platoon.nodes.executables import supervisor_parameters  # noqa: PLC0415  (needs ROS)
+    from cacc_platoon.supervision.entry_points import supervisor_parameters  # noqa: PLC0415  (needs ROS)
 
     values = supervisor_parameters()
     overrides: dict[int, dict[str, Any]] = {}

@@ -6,10 +6,10 @@ from std_msgs.msg import Int64
 
 from cacc_platoon.model import State
 from cacc_platoon.nodes import qos
-from cacc_platoon.nodes.lockstep import LockstepLeader
 from cacc_platoon.nodes.node import PlatoonNode
 from cacc_platoon.runs.recorded_leader import with_recorded_leader
 from cacc_platoon.scenario import Scenario
+from cacc_platoon.stepping.lockstep import LockstepLeader
 from msg_adapters.topics import PlatoonTopics
 
 

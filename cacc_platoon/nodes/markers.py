@@ -10,7 +10,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-from cacc_platoon.nodes.parameters import scenario_of
+from cacc_platoon.nodes.ros_parameters import scenario_of
 from cacc_platoon.scenario import Scenario
 from msg_adapters.topics import VehicleTopics
 

@@ -8,9 +8,9 @@ from typing import Any
 from geometry_msgs.msg import AccelStamped, PoseStamped, TwistStamped, Vector3Stamped
 from rclpy.node import Node
 
-from cacc_platoon.nodes import parameters, qos
-from cacc_platoon.nodes.lockstep import LockstepError
+from cacc_platoon.nodes import qos, ros_parameters
 from cacc_platoon.scenario import Scenario
+from cacc_platoon.stepping.lockstep import LockstepError
 from msg_adapters.stamped import ACCEL, POSE, TWIST, VECTOR, LayoutError
 from msg_adapters.topics import Topic, VehicleTopics
 
@@ -52,9 +52,9 @@ class PlatoonNode(Node):  # type: ignore[misc]
     ) -> None:
         if scenario is None or index is None:
             super().__init__(name, automatically_declare_parameters_from_overrides=True)
-            index = parameters.vehicle_index(self.get_namespace(), name)
-            scenario = parameters.scenario_of(self, RECORD_PARAMETER)
-            parameters.refuse_stranger(scenario, f"vehicle_{index}/{name}")
+            index = ros_parameters.vehicle_index(self.get_namespace(), name)
+            scenario = ros_parameters.scenario_of(self, RECORD_PARAMETER)
+            ros_parameters.refuse_stranger(scenario, f"vehicle_{index}/{name}")
         else:
             namespace = VehicleTopics(scenario.platoon.namespace, index).namespace
             super().__init__(name, namespace=namespace, use_global_arguments=False)
@@ -63,7 +63,7 @@ class PlatoonNode(Node):  # type: ignore[misc]
         self.topics = VehicleTopics(scenario.platoon.namespace, index)
         self.predecessor = VehicleTopics(scenario.platoon.namespace, index - 1)
         own = scenario.overrides.get(index, {})
-        parameters.declare(self, scenario, own, groups)
+        ros_parameters.declare(self, scenario, own, groups)
 
     def create_stream(self, topic: Topic) -> Callable[..., None]:
         """Return a function that publishes (stamp [ns], x[, y]) on a topic."""

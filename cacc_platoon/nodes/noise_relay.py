@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from cacc_platoon.nodes.lockstep import LockstepRelay
 from cacc_platoon.nodes.node import PlatoonNode
 from cacc_platoon.scenario import Scenario
+from cacc_platoon.stepping.lockstep import LockstepRelay
 
 
 class NoiseRelayNode(PlatoonNode):

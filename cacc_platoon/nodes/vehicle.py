@@ -8,9 +8,9 @@ from std_msgs.msg import Int64
 
 from cacc_platoon.model import ControlLaw, State
 from cacc_platoon.nodes import qos
-from cacc_platoon.nodes.lockstep import LockstepFollower
 from cacc_platoon.nodes.node import PlatoonNode
 from cacc_platoon.scenario import Follower, Scenario
+from cacc_platoon.stepping.lockstep import LockstepFollower
 
 
 class VehicleNode(PlatoonNode):

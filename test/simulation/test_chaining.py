@@ -8,13 +8,13 @@ import pytest
 from cacc_platoon.analysis import analyse
 from cacc_platoon.bags.digest import topic_digest
 from cacc_platoon.cli.simulate import simulate_run
-from cacc_platoon.nodes.launcher import plan_hosts
 from cacc_platoon.runs.recorded_leader import with_recorded_leader
 from cacc_platoon.runs.recording import recording_of, trajectory_of
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import load_scenario, parse_scenario
 from cacc_platoon.scenario.parameter import ScenarioError
 from cacc_platoon.simulation import monte_carlo, simulate
+from cacc_platoon.supervision.launcher import plan_hosts
 from msg_adapters.topics import digest_topics
 
 PAPER_A = Path(__file__).parents[2] / "config" / "paper_a.yaml"

@@ -3,7 +3,7 @@
 import math
 import sys
 
-from cacc_platoon.nodes import executables, lockstep
+from cacc_platoon.stepping import lockstep
 
 
 class SpoiledStream(lockstep.FactorStream):
@@ -13,4 +13,4 @@ class SpoiledStream(lockstep.FactorStream):
 
 if __name__ == "__main__":
     lockstep.FactorStream = SpoiledStream
-    sys.exit(executables.noise_relay())
+    sys.exit(entry_points.noise_relay())

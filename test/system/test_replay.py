@@ -211,7 +211,9 @@ def test_a_bag_played_from_outside_gives_the_recorded_bits(tmp_path: Path, pace:
     run = simulate_run(scenario, tmp_path / "run")
     own, ahead = VehicleTopics("/platoon", 2), VehicleTopics("/platoon", 1)
     topics = [topic.name for topic in (own.received, ahead.twist, ahead.pose)]
-    code = "import sys; from cacc_platoon.nodes.executables import vehicle; sys.exit(vehicle())"
+    code = (
+        "import sys; from cacc_platoon.supervision.entry_points import vehicle; sys.exit(vehicle())"
+    )
     with own_domain() as domain:
         environment = {
             **os.environ,

@@ -22,7 +22,7 @@ def platoon(*arguments: str) -> "subprocess.CompletedProcess[str]":
 
 
 def executable(kind: str, *arguments: str) -> "subprocess.CompletedProcess[str]":
-    module = "cli.supervisor" if kind == "supervisor" else "nodes.executables"
+    module = "cli.supervisor" if kind == "supervisor" else "supervision.entry_points"
     name = "main" if kind == "supervisor" else kind
     code = f"import sys; from cacc_platoon.{module} import {name} as run; sys.exit(run())"
     return subprocess.run(

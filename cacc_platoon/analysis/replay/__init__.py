@@ -1,6 +1,6 @@
 """Replay of one recorded node: what it was given and said, what differs, what it would have done.
 
-The node itself runs elsewhere (`cacc_platoon.nodes.replay`); nothing here needs ROS.
+The node itself runs elsewhere (`cacc_platoon.supervision.replay`); nothing here needs ROS.
 """
 
 from cacc_platoon.analysis.replay.comparison import Difference, first_difference, possible_causes

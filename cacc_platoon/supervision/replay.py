@@ -23,15 +23,15 @@ from cacc_platoon.dds import shared_memory
 from cacc_platoon.model import State
 from cacc_platoon.nodes import qos
 from cacc_platoon.nodes.executor import create_executor, spin_for
-from cacc_platoon.nodes.host import NODE_CLASSES, serve
-from cacc_platoon.nodes.launcher import HostProcesses
 from cacc_platoon.nodes.node import MESSAGE_TYPES
-from cacc_platoon.nodes.session import FAILED, FINISHED, HostSession
-from cacc_platoon.nodes.supervision import ADVICE, GOODBYE_TIMEOUT, TICK, RunFailedError
-from cacc_platoon.nodes.supervisor import SupervisorNode
 from cacc_platoon.nodes.vehicle import VehicleNode
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.stop_signal import StopSignal
+from cacc_platoon.supervision.conductor import ADVICE, GOODBYE_TIMEOUT, TICK, RunFailedError
+from cacc_platoon.supervision.host import NODE_CLASSES, serve
+from cacc_platoon.supervision.host_session import FAILED, FINISHED, HostSession
+from cacc_platoon.supervision.launcher import HostProcesses
+from cacc_platoon.supervision.supervisor_node import SupervisorNode
 from msg_adapters.topics import Topic, VehicleTopics
 
 Feed = Sequence[tuple[Topic, Sequence[bytes | None]]]

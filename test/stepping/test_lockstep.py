@@ -10,14 +10,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cacc_platoon.model import State
-from cacc_platoon.nodes.lockstep import (
+from cacc_platoon.scenario import Scenario
+from cacc_platoon.simulation import simulate
+from cacc_platoon.stepping.lockstep import (
     LockstepError,
     LockstepFollower,
     LockstepLeader,
     LockstepRelay,
 )
-from cacc_platoon.scenario import Scenario
-from cacc_platoon.simulation import simulate
 
 SCENARIO = Scenario.from_values(
     {"run.duration": 12.0, "platoon.followers": 2, "leader.start": 1.0}, None, "test"

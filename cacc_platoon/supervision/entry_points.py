@@ -16,16 +16,16 @@ from rclpy.signals import SignalHandlerOptions
 from cacc_platoon.errors import UserError
 from cacc_platoon.model import ControlLaw
 from cacc_platoon.nodes.executor import create_executor, spin_for
-from cacc_platoon.nodes.host import POLL_PERIOD, published_topics, serve
 from cacc_platoon.nodes.leader import LeaderNode
 from cacc_platoon.nodes.node import RECORD_PARAMETER, PlatoonNode
 from cacc_platoon.nodes.noise_relay import NoiseRelayNode
-from cacc_platoon.nodes.parameters import given_parameters, scenario_of
 from cacc_platoon.nodes.recorder import RecorderNode
-from cacc_platoon.nodes.session import HostSession
+from cacc_platoon.nodes.ros_parameters import given_parameters, scenario_of
 from cacc_platoon.nodes.vehicle import VehicleNode
 from cacc_platoon.scenario import Follower
 from cacc_platoon.stop_signal import StopSignal
+from cacc_platoon.supervision.host import POLL_PERIOD, published_topics, serve
+from cacc_platoon.supervision.host_session import HostSession
 from msg_adapters.topics import run_topics
 
 BAD_INPUT = 2

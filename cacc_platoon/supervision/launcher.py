@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 from cacc_platoon.errors import UserError
-from cacc_platoon.nodes.host import HostPlan, run_host
 from cacc_platoon.scenario import Scenario
+from cacc_platoon.supervision.host import HostPlan, run_host
 
 LOCALHOST_PARTICIPANTS = 32
 """DDS participants that find each other on one machine by unicast, the supervisor included."""
@@ -34,7 +34,7 @@ class Ended(NamedTuple):
 def prepare() -> None:
     """Start loading what hosts need in the background, before anything else is done."""
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["cacc_platoon.nodes.host"])
+    context.set_forkserver_preload(["cacc_platoon.supervision.host"])
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # a Ctrl-C is for the supervisor alone
     forkserver.ensure_running()
     signal.signal(signal.SIGINT, before)

@@ -2,8 +2,8 @@
 
 import pytest
 
-from cacc_platoon.nodes.diagnosis import diagnose
 from cacc_platoon.scenario import Scenario
+from cacc_platoon.supervision.stall_diagnosis import diagnose
 from msg_adapters.topics import VehicleTopics, digest_topics
 
 SCENARIO = Scenario.from_values({"platoon.followers": 3, "run.duration": 1.0}, None, "test")

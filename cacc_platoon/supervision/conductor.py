@@ -18,16 +18,16 @@ from rclpy.signals import SignalHandlerOptions
 from cacc_platoon.bags.rows import Recording
 from cacc_platoon.dds import shared_memory
 from cacc_platoon.errors import UserError
-from cacc_platoon.nodes.diagnosis import diagnose
 from cacc_platoon.nodes.executor import create_executor, spin_for
-from cacc_platoon.nodes.host import FLUSH_PERIOD, recorded_topics
-from cacc_platoon.nodes.launcher import HostProcesses, plan_hosts
 from cacc_platoon.nodes.recorder import RecorderNode
-from cacc_platoon.nodes.session import FAILED, FINISHED, HostSession
-from cacc_platoon.nodes.supervisor import GRAPH_PERIOD, SupervisorNode
 from cacc_platoon.runs.folder import RunFolder
 from cacc_platoon.runs.parts import read_parts
 from cacc_platoon.scenario import Scenario
+from cacc_platoon.supervision.host import FLUSH_PERIOD, recorded_topics
+from cacc_platoon.supervision.host_session import FAILED, FINISHED, HostSession
+from cacc_platoon.supervision.launcher import HostProcesses, plan_hosts
+from cacc_platoon.supervision.stall_diagnosis import diagnose
+from cacc_platoon.supervision.supervisor_node import GRAPH_PERIOD, SupervisorNode
 
 TICK = 0.02
 NEWCOMER_WAIT = 0.4

@@ -18,8 +18,8 @@ from std_msgs.msg import String
 
 from cacc_platoon.nodes import qos
 from cacc_platoon.nodes.node import PlatoonNode
-from cacc_platoon.nodes.parameters import shared_parameters
 from cacc_platoon.nodes.recorder import RecorderNode
+from cacc_platoon.nodes.ros_parameters import shared_parameters
 from cacc_platoon.scenario import Scenario
 from msg_adapters.topics import PlatoonTopics
 

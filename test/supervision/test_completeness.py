@@ -3,12 +3,12 @@
 import pytest
 
 from cacc_platoon.bags.rows import TopicRows
-from cacc_platoon.nodes.host import recorded_topics
-from cacc_platoon.nodes.launcher import plan_hosts
-from cacc_platoon.nodes.supervision import incomplete
 from cacc_platoon.runs.recording import recording_of
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.simulation import simulate
+from cacc_platoon.supervision.conductor import incomplete
+from cacc_platoon.supervision.host import recorded_topics
+from cacc_platoon.supervision.launcher import plan_hosts
 
 SCENARIO = Scenario.from_values({"run.duration": 1.0, "platoon.followers": 2}, None, "test")
 NODES = SCENARIO.node_names

@@ -11,11 +11,17 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy
 from std_msgs.msg import Int64, String
 
-from cacc_platoon.nodes import parameters, qos
-from cacc_platoon.nodes.session import HEARTBEAT_PERIOD, MATCHING, RUNNING, WAITING, heard
+from cacc_platoon.nodes import qos, ros_parameters
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import format_scenario
 from cacc_platoon.scenario.table import GROUPS
+from cacc_platoon.supervision.host_session import (
+    HEARTBEAT_PERIOD,
+    MATCHING,
+    RUNNING,
+    WAITING,
+    heard,
+)
 from msg_adapters.topics import PlatoonTopics, run_topics
 
 MAX_HOSTS = 1000
@@ -39,7 +45,7 @@ class SupervisorNode(Node):  # type: ignore[misc]
     def __init__(self, scenario: Scenario, run: str) -> None:
         prefix = scenario.platoon.namespace
         super().__init__("supervisor", namespace=prefix, use_global_arguments=False)
-        parameters.declare(self, scenario, {}, tuple(GROUPS))
+        ros_parameters.declare(self, scenario, {}, tuple(GROUPS))
         self.scenario = scenario
         self.run = run
         self.hosts: dict[str, dict[str, Any]] = {}
@@ -124,7 +130,7 @@ class SupervisorNode(Node):  # type: ignore[misc]
             for node, given in host["parameters"].items():
                 index = int(node.partition("/")[0].removeprefix("vehicle_"))
                 groups = {name.partition(".")[0] for name in given}
-                expected = parameters.shared_parameters(self.scenario, index, groups)
+                expected = ros_parameters.shared_parameters(self.scenario, index, groups)
                 found += [
                     f"{node}: {name} = {given[name]} but the run has {value}"
                     for name, value in expected.items()

@@ -20,10 +20,10 @@ from cacc_platoon.nodes.executor import create_executor, spin_for
 from cacc_platoon.nodes.leader import LeaderNode
 from cacc_platoon.nodes.noise_relay import NoiseRelayNode
 from cacc_platoon.nodes.recorder import RecorderNode
-from cacc_platoon.nodes.session import HostSession
 from cacc_platoon.nodes.vehicle import VehicleNode
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.stop_signal import StopSignal
+from cacc_platoon.supervision.host_session import HostSession
 from msg_adapters.topics import Topic, VehicleTopics
 
 NODE_CLASSES = {"leader": LeaderNode, "vehicle": VehicleNode, "noise_relay": NoiseRelayNode}
