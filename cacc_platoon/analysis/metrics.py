@@ -216,3 +216,26 @@ def _first_collision(run: Trajectory) -> tuple[int, float] | None:
     sample = int(np.argmax(touching.any(axis=1)))
     follower = run.scenario.indices[int(np.argmax(touching[sample]))]
     return follower, float(run.time[sample])
+
+
+def describe_growth(peaks: Array) -> str:
+    """Say how the largest errors went along the platoon.
+
+    Examples
+    --------
+    >>> describe_growth(np.array([1.5, 1.4, 1.2]))
+    'never growing'
+    >>> describe_growth(np.array([1.0, 1.0, 1.1]))
+    'growing at 1 of 2 hops'
+    """
+    known = peaks[np.isfinite(peaks)]
+    if len(known) < 2:
+        return "of one follower only"
+    growing = int((np.diff(known) > 0).sum())
+    if not growing:
+        return "never growing"
+    return (
+        "growing at every hop"
+        if growing == len(known) - 1
+        else (f"growing at {growing} of {len(known) - 1} hops")
+    )

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from cacc_platoon.cli.exit_codes import DONE, NOT_STRING_STABLE
 
 if TYPE_CHECKING:
-    from cacc_platoon.analysis import Report
+    from cacc_platoon.report import WrittenReport
     from cacc_platoon.scenario import Scenario
 
 
@@ -20,13 +20,16 @@ def add_verdict_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--check", action="store_true", help="exit 3 unless proven string stable")
 
 
-def conclude(report: Report, options: argparse.Namespace) -> int:
+def conclude(written: WrittenReport, options: argparse.Namespace) -> int:
     """Print a report as asked for and return the exit code."""
+    from cacc_platoon.report import summary  # noqa: PLC0415  (heavy)
+
+    report, metrics = written
     if options.json:
-        json.dump(report.metrics, sys.stdout, indent=1, allow_nan=False)
+        json.dump(metrics, sys.stdout, indent=1, allow_nan=False)
         print()
     else:
-        print(report.summary())
+        print(summary(report, metrics))
         print(f"  page   {report.folder / 'report.html'}")
     return NOT_STRING_STABLE if options.check and not report.verdict.certified else DONE
 

@@ -38,13 +38,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the cases, draw, compare."""
-    from cacc_platoon.analysis.paper import (  # noqa: PLC0415  (heavy)
-        CASES,
-        case_scenario,
-        reproduce,
+    from cacc_platoon.report.write import report_run  # noqa: PLC0415
+    from cacc_platoon.reproduction.cases import CASES, case_scenario  # noqa: PLC0415  (heavy)
+    from cacc_platoon.reproduction.page import (  # noqa: PLC0415  (heavy)
+        document,
+        summary,
         write_reproduction,
     )
-    from cacc_platoon.analysis.report import report_run  # noqa: PLC0415
+    from cacc_platoon.reproduction.reproduce import reproduce  # noqa: PLC0415  (heavy)
 
     folder = options.output or Path("runs") / f"paper-{datetime.now(UTC):%Y%m%dT%H%M%SZ}"
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
@@ -62,14 +63,14 @@ def run(options: argparse.Namespace) -> int:
         elif not _run_on_nodes(scenario, path, stop):
             return stop.exit_code or FAILED
         with ProgressLine() as progress:
-            reports[name] = report_run(path, progress)
+            reports[name] = report_run(path, progress).report
     result = reproduce(reports)
     with ProgressLine() as progress:
         page = write_reproduction(result, folder, progress)
     if options.json:
-        print(json.dumps(result.document(), indent=1, allow_nan=False))
+        print(json.dumps(document(result), indent=1, allow_nan=False))
     else:
-        print(f"{result.summary()}\n\n  page   {page}")
+        print(f"{summary(result)}\n\n  page   {page}")
     return DONE if result.agrees else FAILED
 
 

@@ -24,7 +24,7 @@ from cacc_platoon.errors import UserError
 from cacc_platoon.stop_signal import StopSignal
 
 if TYPE_CHECKING:
-    from cacc_platoon.analysis.replay import NodeRecord, WhatIf
+    from cacc_platoon.replay import NodeRecord, WhatIf
     from cacc_platoon.scenario import Scenario
 
 ANSWER_FILE, FIGURE_FILE = "replay.json", "spacing_error.svg"
@@ -58,7 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Replay, compare, answer."""
-    from cacc_platoon.analysis.replay import changed_scenario, read_node  # noqa: PLC0415  (heavy)
+    from cacc_platoon.replay import changed_scenario, read_node  # noqa: PLC0415  (heavy)
     from cacc_platoon.scenario.file import load_scenario  # noqa: PLC0415  (heavy)
 
     if options.output and options.output.exists() and not options.output.is_dir():
@@ -139,7 +139,7 @@ def _answer(
     options: argparse.Namespace,
 ) -> tuple[dict[str, Any], list[str], int]:
     """Return the JSON document, the lines to print and the exit code; write what was asked for."""
-    from cacc_platoon.analysis.replay import (  # noqa: PLC0415  (heavy)
+    from cacc_platoon.replay import (  # noqa: PLC0415  (heavy)
         first_difference,
         possible_causes,
         what_if,

@@ -23,16 +23,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Write the report and print its summary."""
-    from cacc_platoon.analysis import report_run  # noqa: PLC0415  (heavy)
+    from cacc_platoon.report import report_run  # noqa: PLC0415  (heavy)
     from cacc_platoon.scenario.file import load_scenario  # noqa: PLC0415  (heavy)
 
     scenario = load_scenario(options.scenario) if options.scenario else None
     with ProgressLine() as progress:
-        report = report_run(
+        written = report_run(
             options.path,
             progress,
             output=options.output,
             scenario=scenario,
             namespace=options.namespace,
         )
-    return conclude(report, options)
+    return conclude(written, options)

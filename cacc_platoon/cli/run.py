@@ -65,7 +65,7 @@ def run_and_judge(scenario: Scenario, output: Path | None, options: argparse.Nam
     require_ros("run", "platoon simulate runs the same scenario")
     stop = prepare_nodes(local=scenario.run.spawn)
     with libraries_on_stderr():
-        from cacc_platoon.analysis import report_run  # noqa: PLC0415  (heavy)
+        from cacc_platoon.report import report_run  # noqa: PLC0415  (heavy)
         from cacc_platoon.supervision.conductor import run_platoon  # noqa: PLC0415
         from cacc_platoon.supervision.host_session import FINISHED  # noqa: PLC0415
 
@@ -83,5 +83,5 @@ def run_and_judge(scenario: Scenario, output: Path | None, options: argparse.Nam
         return DONE
     stop.release()
     with ProgressLine() as progress:
-        report = report_run(folder, progress)
-    return conclude(report, options)
+        written = report_run(folder, progress)
+    return conclude(written, options)

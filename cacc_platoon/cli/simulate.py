@@ -35,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Simulate, record, judge."""
-    from cacc_platoon.analysis import report_run  # noqa: PLC0415
+    from cacc_platoon.report import report_run  # noqa: PLC0415
     from cacc_platoon.runs.recorded_leader import with_recorded_leader  # noqa: PLC0415  (heavy)
 
     if options.runs is not None and (not 0 <= options.runs <= MOST_RUNS or options.runs == 1):
@@ -49,8 +49,8 @@ def run(options: argparse.Namespace) -> int:
     warn_before(scenario)
     with ProgressLine() as progress:
         folder = simulate_run(scenario, given or default_run_folder(scenario), progress)
-        report = report_run(folder.path, progress, runs=options.runs)
-    return conclude(report, options)
+        written = report_run(folder.path, progress, runs=options.runs)
+    return conclude(written, options)
 
 
 def simulate_run(scenario: Scenario, path: Path, progress: ProgressLine | None = None) -> RunFolder:

@@ -9,7 +9,6 @@ from cacc_platoon.design.requirements import (
     assess,
     paper_design,
 )
-from cacc_platoon.design.text import render
 
 __all__ = [
     "Design",
@@ -20,5 +19,4 @@ __all__ = [
     "assess",
     "paper_design",
     "recommend",
-    "render",
 ]

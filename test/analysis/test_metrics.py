@@ -8,8 +8,8 @@ import pytest
 
 from cacc_platoon.analysis import analyse, check_consistency, compute_metrics, link_noise
 from cacc_platoon.analysis.noise import noise_factor
-from cacc_platoon.analysis.paper import CASES, case_scenario
 from cacc_platoon.model import expected_factor, factor_variance
+from cacc_platoon.reproduction.cases import CASES, case_scenario
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.simulation import Trajectory, simulate
 

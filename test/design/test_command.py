@@ -13,9 +13,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cacc_platoon.cli import design
-from cacc_platoon.design import Question, Requirements, answer, render
+from cacc_platoon.design import Question, Requirements, answer
 from cacc_platoon.errors import UserError
 from cacc_platoon.model import Gains
+from cacc_platoon.report.design_terminal import render
 from cacc_platoon.scenario.file import load_scenario
 from cacc_platoon.theory import (
     DesignError,

@@ -7,6 +7,7 @@ import pytest
 
 from cacc_platoon.bags import BagError
 from cacc_platoon.analysis import analyse
+from cacc_platoon.report import metrics_document
 from cacc_platoon.runs import read_run
 from cacc_platoon.bags.rows import TopicRows
 from msg_adapters.topics import VehicleTopics
@@ -98,7 +99,7 @@ def test_missing_topics(bags, tmp_path, scenario, recording):
     left = {n: r for n, r in recording.items() if n not in (POSE, SECOND.received.name)}
     report = analyse(bags.bag(tmp_path / "bag", scenario, left), runs=0)
     assert report.run.findings == (f"missing topics: {POSE}, {SECOND.received.name}",)
-    peaks = report.metrics["max_abs_spacing_error"]
+    peaks = metrics_document(report)["max_abs_spacing_error"]
     assert peaks[0] is not None
     assert peaks[1] is None  # its own position is missing
     assert peaks[2] is None  # its predecessor's is

@@ -8,6 +8,7 @@ import pytest
 from cacc_platoon.analysis import analyse
 from cacc_platoon.bags.digest import topic_digest
 from cacc_platoon.cli.simulate import simulate_run
+from cacc_platoon.report import metrics_document, summary
 from cacc_platoon.runs.recorded_leader import with_recorded_leader
 from cacc_platoon.runs.recording import recording_of, trajectory_of
 from cacc_platoon.scenario import Scenario
@@ -70,7 +71,7 @@ def test_the_report_names_the_right_vehicles_and_needs_no_other_bag(rear, tmp_pa
     assert report.consistency.largest == 0.0
     assert report.run.findings == ()
     assert (report.expectation.position[:, 0] == report.run.trajectory.position[:, 0]).all()
-    assert "        12   " in report.summary()
+    assert "        12   " in summary(report, metrics_document(report))
 
 
 def test_hosts_and_nodes_have_the_numbers_of_the_whole(rear, tmp_path):

@@ -4,6 +4,7 @@ import math
 import sys
 
 from cacc_platoon.stepping import lockstep
+from cacc_platoon.supervision import entry_points
 
 
 class SpoiledStream(lockstep.FactorStream):

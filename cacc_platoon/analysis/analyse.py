@@ -1,0 +1,136 @@
+"""A run judged: read, measured, compared with the expectation run."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cacc_platoon.analysis.consistency import Consistency, check_consistency
+from cacc_platoon.analysis.metrics import Metrics, compute_metrics
+from cacc_platoon.analysis.verdict import Verdict, judge
+from cacc_platoon.bags.raw import Progress
+from cacc_platoon.runs import RecordedRun, read_run
+from cacc_platoon.runs.locate import locate
+from cacc_platoon.scenario import Scenario
+from cacc_platoon.simulation import Ensemble, Trajectory, monte_carlo, simulate
+
+AUTOMATIC_RUNS = ((20, 400_000), (10, 2_500_000))
+"""Noisy runs simulated beside the recorded one, up to so many states (samples x vehicles)."""
+
+
+@dataclass(frozen=True)
+class Report:
+    """All that is known about a run.
+
+    Attributes
+    ----------
+    folder : Path
+        Where metrics.json, report.html and figures/ belong.
+    run : RecordedRun
+        What the bag says.
+    measured : Metrics
+        Of the recorded run.
+    expectation : Trajectory
+        The same scenario with w = E[w], which is the mean of all noisy runs.
+    expected : Metrics
+        Of the expectation run.
+    consistency : Consistency
+        Whether the recorded run obeys the equations of its scenario.
+    verdict : Verdict
+        The judgement.
+    ensemble : Ensemble or None
+        Many noisy runs of the scenario, when asked for.
+    """
+
+    folder: Path
+    run: RecordedRun
+    measured: Metrics
+    expectation: Trajectory
+    expected: Metrics
+    consistency: Consistency
+    verdict: Verdict
+    ensemble: Ensemble | None = None
+
+
+def analyse(
+    path: Path | str,
+    *,
+    output: Path | None = None,
+    scenario: Scenario | None = None,
+    namespace: str | None = None,
+    runs: int | None = None,
+    progress: Progress | None = None,
+) -> Report:
+    """Read and judge a run without writing anything, except that an unfinished run is finished.
+
+    Parameters
+    ----------
+    path : Path or str
+        A run folder, a bag's folder or a storage file.
+    output : Path, optional
+        Where the report will go; the run folder, or `<bag>_report` beside a lone bag.
+    scenario : Scenario, optional
+        Parameters to use instead of those in the bag.
+    namespace : str, optional
+        Which platoon to read when the bag holds several.
+    runs : int, optional
+        Size of a Monte Carlo of noisy runs beside the recorded one, 0 for none; by default some
+        that take a few seconds, and none where no link is noisy.
+    progress : callable, optional
+        Called now and then with what is being done, how much is done and how much there is.
+
+    Raises
+    ------
+    UserError
+        When there is nothing to report on.
+    """
+    bag, folder = locate(Path(path))
+    run = read_run(bag, folder, scenario=scenario, namespace=namespace, progress=progress)
+    with np.errstate(all="ignore"):  # an unstable scenario overflows, and that is its result
+        measured = compute_metrics(run.trajectory)
+        consistency = check_consistency(run.trajectory)
+        expectation = simulate(expected_scenario(run.trajectory.scenario))
+        expected = compute_metrics(expectation)
+        ensemble = _ensemble(run.trajectory.scenario, runs, progress)
+    return Report(
+        output or folder or bag.with_name(f"{bag.stem}_report"),
+        run,
+        measured,
+        expectation,
+        expected,
+        consistency,
+        judge(run.trajectory.scenario, measured.noise, consistency),
+        ensemble,
+    )
+
+
+def _ensemble(scenario: Scenario, runs: int | None, progress: Progress | None) -> Ensemble | None:
+    """Simulate noisy runs; `runs` as in `analyse`."""
+    if all(follower.v2v.noise != "bits" for follower in scenario.followers):
+        return None
+    states = scenario.samples * (scenario.platoon.followers + 1)
+    if runs is None:
+        runs = next((n for n, most in AUTOMATIC_RUNS if states <= most), 0)
+    if not runs:
+        return None
+    said = (lambda done, total: progress("noisy runs", done, total)) if progress else None
+    return monte_carlo(scenario, runs, said)
+
+
+def expected_scenario(scenario: Scenario) -> Scenario:
+    """Return the scenario with random bits replaced by their expectation, on every link."""
+
+    def calm(values: Mapping[str, Any]) -> dict[str, Any]:
+        changed = {"v2v.noise": "expected"} if values.get("v2v.noise") == "bits" else {}
+        return {**values, **changed}
+
+    v2v = scenario.v2v
+    if v2v.noise == "bits":
+        v2v = dataclasses.replace(v2v, noise="expected")
+    overrides = {index: calm(own) for index, own in scenario.overrides.items()}
+    return dataclasses.replace(scenario, v2v=v2v, overrides=overrides)

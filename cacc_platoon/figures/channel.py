@@ -1,0 +1,54 @@
+"""Figures of the V2V channel: the noise factor and what a follower received."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cacc_platoon.analysis.noise import LinkNoise, noise_factor
+from cacc_platoon.figures.style import BLUE, GREY, ORANGE, RED, Axes, reduce
+from cacc_platoon.simulation import Trajectory
+
+
+def plot_noise(noise: Axes, signal: Axes, run: Trajectory, follower: int) -> None:
+    """Draw w and the communicated acceleration of one link (the paper's link 1 -> 2).
+
+    Parameters
+    ----------
+    noise, signal : Axes
+        For w, and for the accelerations below it.
+    run : Trajectory
+        Whose link.
+    follower : int
+        The receiver; the sender is the vehicle before it.
+    """
+    rho = run.scenario.follower(follower).v2v.rho
+    column = run.scenario.indices.index(follower)
+    factor = noise_factor(run)[:, column]
+    noise.plot(*reduce(run.time, factor), color=BLUE, linewidth=0.4)
+    for limit in (1.0 - 1.0 / rho, 1.0 + 1.0 / rho):
+        noise.axhline(limit, color=RED, linestyle="--", linewidth=1.0)
+    noise.set_ylabel("noise factor w [-]")
+    noise.set_title(f"link {follower - 1} to {follower}; dashed: 1 - 1/rho and 1 + 1/rho")
+    received = reduce(run.time, run.received[:, column])
+    signal.plot(*received, color=ORANGE, linewidth=0.6, label=f"received by vehicle {follower}")
+    sent = reduce(run.time, run.acceleration[:, column])
+    signal.plot(*sent, color=BLUE, linewidth=1.2, label=f"sent by vehicle {follower - 1}")
+    signal.set_xlabel("time [s]")
+    signal.set_ylabel("acceleration [m/s$^2$]")
+    signal.legend()
+
+
+def plot_link_noise(axes: Axes, links: list[LinkNoise]) -> None:
+    """Draw the realised mean and range of w on every link beside what the parameters say."""
+    heard = [link for link in links if link.samples]
+    index = [link.follower for link in heard]
+    mean = np.array([link.mean for link in heard])
+    low = np.array([link.low for link in heard])
+    high = np.array([link.high for link in heard])
+    axes.vlines(index, low, high, color=GREY, linewidth=1.5, label="smallest to largest")
+    axes.plot(index, mean, "o", color=BLUE, markersize=4, label="mean")
+    expected = [link.expected_mean for link in heard]
+    axes.plot(index, expected, "_", color=RED, markersize=9, label="E[w] of the parameters")
+    axes.set_xlabel("receiving vehicle")
+    axes.set_ylabel("noise factor w [-]")
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, 1.17), ncols=3)

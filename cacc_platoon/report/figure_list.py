@@ -1,0 +1,152 @@
+"""The pictures of a report, drawn one after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from cacc_platoon.figures import channel, motion, propagation
+from cacc_platoon.figures.design import plot_regions, plot_response
+from cacc_platoon.figures.picture import Picture
+from cacc_platoon.figures.style import Axes
+from cacc_platoon.theory import exact_region, k_a_max, paper_region
+from cacc_platoon.theory.curves import ResponseBand, response_band
+
+if TYPE_CHECKING:
+    from cacc_platoon.analysis.analyse import Report
+
+
+def pictures(report: Report) -> Iterator[Picture]:
+    """Yield the pictures of a report in the order of its page."""
+    yield from _error_pictures(report)
+    yield from _motion_pictures(report)
+    yield from _channel_pictures(report)
+    yield from _design_pictures(report)
+
+
+def _error_pictures(report: Report) -> Iterator[Picture]:
+    run, expectation, ensemble = report.run.trajectory, report.expectation, report.ensemble
+    yield Picture(
+        "peaks",
+        "How errors travel",
+        "Largest spacing error of every vehicle. The certificate is about the expectation run; "
+        "single noisy runs scatter around it in any order.",
+        lambda axes: propagation.plot_peaks(axes, report.measured, report.expected, ensemble),
+    )
+    yield Picture(
+        "spacing_errors",
+        "Spacing errors, this run",
+        "Positive: closer to the vehicle ahead than the time headway policy asks for.",
+        lambda axes: motion.plot_spacing_errors(axes, run),
+    )
+    yield Picture(
+        "spacing_errors_expected",
+        "Spacing errors, expectation run",
+        "The same scenario with w = E[w] on every link: the mean of all noisy runs.",
+        lambda axes: motion.plot_spacing_errors(axes, expectation),
+    )
+    if ensemble is not None:
+        yield Picture(
+            "ensemble",
+            "Many noisy runs",
+            "Distance from the expectation run, first and last follower: the band from the "
+            "smallest to the largest of the noisy runs, and their mean.",
+            lambda first, last: propagation.plot_ensemble(first, last, ensemble, expectation, run),
+            rows=2,
+            height=4.4,
+        )
+    yield Picture(
+        "waterfall",
+        "Waterfall",
+        "The same errors, one vehicle below the other: a disturbance is seen to travel.",
+        lambda axes: motion.plot_waterfall(axes, run),
+        height=4.4,
+    )
+
+
+def _motion_pictures(report: Report) -> Iterator[Picture]:
+    run = report.run.trajectory
+    yield Picture(
+        "platoon_length",
+        "Platoon length",
+        "From the leader to the last follower.",
+        lambda axes: motion.plot_platoon_length(
+            axes, {"this run": run, "expectation run": report.expectation}
+        ),
+    )
+    yield Picture("speeds", "Speeds", "Every vehicle.", lambda axes: motion.plot_speeds(axes, run))
+    yield Picture(
+        "gaps",
+        "Gaps",
+        "Front bumper to front bumper; zero is a collision.",
+        lambda axes: motion.plot_gaps(axes, run),
+    )
+    yield Picture(
+        "accelerations",
+        "Accelerations",
+        "Every vehicle.",
+        lambda axes: motion.plot_accelerations(axes, run),
+    )
+    yield Picture(
+        "space_time",
+        "Space and time",
+        "Every vehicle's path, seen from a frame that keeps the initial speed.",
+        lambda axes: motion.plot_space_time(axes, run),
+    )
+
+
+def _channel_pictures(report: Report) -> Iterator[Picture]:
+    run = report.run.trajectory
+    follower = run.scenario.indices[:2][-1]
+    yield Picture(
+        "noise",
+        f"Noise and communicated acceleration, vehicle {follower - 1} to {follower}",
+        "The noise factor w, and what it makes of the acceleration that was sent.",
+        lambda noise, signal: channel.plot_noise(noise, signal, run, follower),
+        rows=2,
+        height=4.4,
+    )
+    yield Picture(
+        "noise_links",
+        "Noise on every link",
+        "Range and mean of w that this run had.",
+        lambda axes: channel.plot_link_noise(axes, report.measured.noise),
+    )
+
+
+def _plot_both(far: Axes, close: Axes, band: ResponseBand) -> None:
+    plot_response(far, band)
+    plot_response(close, band, close=True)
+
+
+def _design_pictures(report: Report) -> Iterator[Picture]:
+    weakest = report.verdict.weakest
+    if not weakest.decided:
+        return
+    follower = report.run.trajectory.scenario.follower(weakest.follower)
+    gains, rho, tau_max = follower.gains, follower.v2v.rho, follower.tau_max
+    place = report.run.trajectory.scenario.indices.index(weakest.follower)
+    mean = report.measured.noise[place].expected_mean
+    if weakest.internally_stable and gains.k_a > 0:
+        band = response_band(gains, rho, tau_max, k_effective=gains.k_a * mean)
+        yield Picture(
+            "response",
+            "Propagation |H(jw)|",
+            "From one vehicle to the next, and close to 1. String stable (L2) means that the "
+            "whole band stays at or below 1.",
+            lambda far, close: _plot_both(far, close, band),
+            rows=2,
+            height=5.6,
+        )
+    if 0 < gains.k_a < k_a_max(rho):
+        paper = paper_region(gains.k_a, gains.time_headway, rho, tau_max)
+        exact = exact_region(gains.k_a, gains.time_headway, rho, tau_max)
+        limit = 1.4 * max([gains.k_p, *(k_p for k_p, _ in paper.polygon)])
+        yield Picture(
+            "region",
+            "Feasible gains",
+            "Gains that are string stable for this headway, SNR and lag: exactly, and by the "
+            "paper's sufficient conditions.",
+            lambda axes: plot_regions(axes, paper, exact, gains, limit),
+            height=3.8,
+        )

@@ -1,0 +1,169 @@
+"""metrics.json: every number of a report, by name; NaN and infinity become null."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cacc_platoon.analysis.verdict import LINF_NAME, PAPER_TEST
+from cacc_platoon.runs.folder import versions
+
+if TYPE_CHECKING:
+    from cacc_platoon.analysis.analyse import Report
+    from cacc_platoon.analysis.metrics import Metrics
+    from cacc_platoon.analysis.noise import LinkNoise
+    from cacc_platoon.analysis.verdict import Verdict
+
+_ROUNDING = 1e-9
+"""Below this standard error [m] the spread of noisy runs is rounding."""
+
+
+def metrics_document(report: Report) -> dict[str, Any]:
+    """Return what metrics.json holds; lists are over followers 1..N unless the name says more."""
+    run, scenario = report.run, report.run.trajectory.scenario
+    plain: dict[str, Any] = plain_values(
+        {
+            "scenario": scenario.name,
+            "followers": scenario.platoon.followers,
+            "first_follower": scenario.platoon.first_follower,
+            **_metrics(report.measured),
+            "noise": _noise(report.measured.noise),
+            "expected": _metrics(report.expected),
+            "ensemble": _ensemble(report),
+            "verdict": verdict_document(report.verdict),
+            "consistency": {
+                "steps": report.consistency.steps,
+                "largest_difference": report.consistency.largest,
+                "departures": [
+                    {"follower": follower, "time": time, "difference": apart}
+                    for follower, time, apart in report.consistency.departures
+                ],
+            },
+            "findings": list(run.findings),
+            "provenance": {
+                "bag": run.bag.name,
+                "namespace": scenario.platoon.namespace,
+                "status": run.info.get("status"),
+                "message": run.info.get("message"),
+                "messages": run.messages,
+                "samples": run.grid.samples,
+                "step": run.grid.step / 1e9,
+                "seed": scenario.run.seed,
+                "digest": run.digest,
+                "digest_recorded": run.digest_recorded,
+                "recorded_with": run.info.get("versions"),
+                "fingerprint": run.info.get("fingerprint"),
+                "analysed_with": versions(),
+            },
+        }
+    )
+    return plain
+
+
+def plain_values(value: Any) -> Any:
+    """Return arrays as lists, numpy numbers as Python's, what is not finite as None."""
+    match value:
+        case dict():
+            return {str(key): plain_values(item) for key, item in value.items()}
+        case list() | tuple():
+            return [plain_values(item) for item in value]
+        case np.ndarray():
+            return plain_values(value.tolist())
+        case np.generic():
+            return plain_values(value.item())
+        case float() if not math.isfinite(value):
+            return None
+    return value
+
+
+def _metrics(metrics: Metrics) -> dict[str, Any]:
+    collided = metrics.first_collision
+    named = {
+        field.name: getattr(metrics, field.name)
+        for field in dataclasses.fields(metrics)
+        if field.name
+        not in ("noise", "hop_ratio_max", "hop_ratio_l2", "min_gap", "first_collision")
+    }
+    return {
+        **named,
+        "hop_ratio": {"max": metrics.hop_ratio_max, "l2": metrics.hop_ratio_l2},
+        "platoon_length": metrics.platoon_length._asdict(),
+        "min_gap": _smallest(metrics.min_gap),
+        "min_gap_per_follower": metrics.min_gap,
+        "first_collision": {"follower": collided[0], "time": collided[1]} if collided else None,
+    }
+
+
+def _smallest(values: Any) -> float:
+    finite = values[np.isfinite(values)]
+    return float(finite.min()) if finite.size else math.nan
+
+
+def _noise(links: list[LinkNoise]) -> dict[str, Any]:
+    """All links together, weighted by their samples, and one by one."""
+    heard = [link for link in links if link.samples]
+    weight = np.array([link.samples for link in heard]) / max(1, sum(n.samples for n in heard))
+    means = np.array([link.mean for link in heard])
+    with np.errstate(all="ignore"):
+        mean = float(weight @ means) if heard else math.nan
+        variances = np.array([link.variance for link in heard])
+        variance = float(weight @ (variances + (means - mean) ** 2)) if heard else math.nan
+    return {
+        "mean_w": mean,
+        "variance_w": variance,
+        "min_w": min((link.low for link in heard), default=math.nan),
+        "max_w": max((link.high for link in heard), default=math.nan),
+        "snr_db": min((link.snr_db for link in heard), default=math.nan),
+        "links": [link._asdict() for link in links],
+    }
+
+
+@np.errstate(all="ignore")  # an unstable platoon overflows
+def _ensemble(report: Report) -> dict[str, Any] | None:
+    """Return what many noisy runs say; the largest deviation shows that their mean is E[X]."""
+    ensemble = report.ensemble
+    if ensemble is None:
+        return None
+    apart = np.abs(ensemble.mean - report.expectation.spacing_error)
+    errors = np.where(ensemble.standard_error > _ROUNDING, ensemble.standard_error, np.inf)
+    peaks = ensemble.max_abs_spacing_error
+    return {
+        "runs": ensemble.runs,
+        "seed": report.run.trajectory.scenario.run.seed,
+        "max_abs_mean_minus_expectation": float(np.max(apart)),
+        "max_standard_errors_from_expectation": float(np.max(apart / errors)),
+        "max_abs_spacing_error": {
+            "mean": peaks.mean(axis=0),
+            "min": peaks.min(axis=0),
+            "max": peaks.max(axis=0),
+        },
+        "runs_without_growth": int((np.diff(peaks, axis=1) <= 0).all(axis=1).sum()),
+    }
+
+
+def verdict_document(verdict: Verdict) -> dict[str, Any]:
+    """Return the verdict with the basis of every statement."""
+    weakest = verdict.weakest
+    realised = [one.realised_stable for one in verdict.followers]
+    return {
+        "string_stable": verdict.string_stable,
+        "certified": verdict.certified,
+        "headline": verdict.headline,
+        "basis": verdict.basis,
+        "void": list(verdict.void),
+        "paper": {"string_stable": verdict.in_paper_region, "basis": PAPER_TEST},
+        "l2_gain": weakest.l2_gain,
+        "peak_frequency": weakest.peak_frequency,
+        "linf_gain": verdict.linf_gain,
+        "linf_basis": LINF_NAME,
+        "sampled_string_stable": all(one.sampled for one in verdict.followers),
+        "realised_string_stable": None if None in realised else all(realised),
+        "end_to_end_gain": verdict.end_to_end_gain,
+        "weakest_follower": weakest.follower,
+        "reason": weakest.reason,
+        "equal_links": verdict.equal_links,
+        "per_follower": [one._asdict() for one in verdict.followers],
+    }

@@ -1,0 +1,102 @@
+"""A report in a few lines for a terminal: the verdict first, then what it rests on."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cacc_platoon.analysis.metrics import describe_growth
+from cacc_platoon.theory.noise_interval import effective_interval
+
+if TYPE_CHECKING:
+    from cacc_platoon.analysis.analyse import Report
+
+_WHOLE, _HEAD = 25, 8  # longer tables are cut down to so many rows at both ends
+
+
+def summary(report: Report, metrics: dict[str, Any]) -> str:
+    """Return the lines that `platoon run` and `platoon report` print."""
+    scenario = report.run.trajectory.scenario
+    lines = [
+        f"{report.verdict.headline}: {scenario.name}, {scenario.platoon.followers} followers, "
+        f"{report.measured.duration:g} s",
+        *_verdict_lines(report),
+        "",
+        *_error_table(report),
+        "",
+        *_fact_lines(report, metrics),
+    ]
+    if report.run.findings:
+        lines += ["", f"found in the bag ({len(report.run.findings)}):"]
+        lines += [f"  - {finding}" for finding in report.run.findings]
+    return "\n".join(lines)
+
+
+def _verdict_lines(report: Report) -> list[str]:
+    verdict, scenario = report.verdict, report.run.trajectory.scenario
+    weakest = verdict.weakest
+    own = scenario.follower(weakest.follower)
+    low, high = effective_interval(own.gains.k_a, own.v2v.rho)
+    failed = "undecided" if verdict.undecided else "failed"
+    passed = "passed" if verdict.string_stable else f"{failed}: {weakest.reason}"
+    which = "" if verdict.equal_links else f" (vehicle {weakest.follower} is the weakest)"
+    lines = [
+        f"  exact test, every lag tau <= {own.tau_max:g} s and every k_a E[w] in "
+        f"[{low:.4g}, {high:.4g}]: {passed}",
+        f"  sup|H| = {weakest.l2_gain:.9g} (L2){which}; L-infinity gain of a hop "
+        f"{verdict.linf_gain:.6g}",
+        "  paper's Theorem 2 (sufficient): " + ("passed" if verdict.in_paper_region else "failed"),
+    ]
+    lines += [f"  VOID for this run: {reason}" for reason in verdict.void]
+    return lines
+
+
+def _error_table(report: Report) -> list[str]:
+    recorded, expected = report.measured, report.expected
+    lines = [
+        "             max|delta_i| [m]        hop ratio of the",
+        "  follower   this run   expectation   expectation",
+    ]
+    ratios = [np.nan, *expected.hop_ratio_max]
+    offset = report.run.scenario.leader_index
+    rows = list(
+        zip(recorded.max_abs_spacing_error, expected.max_abs_spacing_error, ratios, strict=True)
+    )
+    for number, (own, mean, ratio) in enumerate(rows, start=1):
+        if number == _HEAD + 1 and len(rows) > _WHOLE:
+            lines.append("       ...")
+        if len(rows) <= _WHOLE or not _HEAD < number <= len(rows) - _HEAD:
+            hop = "" if np.isnan(ratio) else f"{ratio:.6f}"
+            lines.append(
+                f"  {number + offset:8d}   {own:8.6f}   {mean:11.6f}   {hop:>11s}".rstrip()
+            )
+    return lines
+
+
+def _fact_lines(report: Report, facts: dict[str, Any]) -> list[str]:
+    noise, length = facts["noise"], facts["platoon_length"]
+    peaks = report.expected.max_abs_spacing_error
+    own = report.measured.max_abs_spacing_error
+    gap = _number(facts["min_gap"], "m")
+    collided = facts["first_collision"]
+    safety = (
+        f"COLLISION of vehicle {collided['follower']} at {collided['time']:g} s"
+        if collided
+        else "no collision"
+    )
+    return [
+        f"  errors, expectation run: {describe_growth(peaks)}, {peaks[0]:.6f} -> {peaks[-1]:.6f} m",
+        f"  errors, this run:        {describe_growth(own)}, {own[0]:.6f} -> {own[-1]:.6f} m"
+        " (one run proves nothing)",
+        f"  platoon length: {_number(length['initial'], 'm')} at first, "
+        f"{_number(length['max'], 'm')} at most, {_number(length['final'], 'm')} at last; "
+        f"smallest gap {gap}, {safety}",
+        f"  noise w: mean {_number(noise['mean_w'])}, from {_number(noise['min_w'])} to "
+        f"{_number(noise['max_w'])}, SNR {_number(noise['snr_db'], 'dB')}",
+        f"  digest {report.run.digest}",
+    ]
+
+
+def _number(value: float | None, unit: str = "") -> str:
+    return "unknown" if value is None else f"{value:.6g} {unit}".strip()

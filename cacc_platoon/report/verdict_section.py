@@ -1,0 +1,167 @@
+"""The top of the page: the verdict, what each statement rests on, and what was found."""
+
+from __future__ import annotations
+
+import html
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+from cacc_platoon.analysis.metrics import describe_growth
+from cacc_platoon.analysis.verdict import EXACT_TEST, LINF_NAME, PAPER_TEST
+from cacc_platoon.report.tables import cell, text_table
+
+if TYPE_CHECKING:
+    from cacc_platoon.analysis.analyse import Report
+
+
+def verdict_section(report: Report, metrics: dict[str, Any]) -> str:
+    """Return the verdict in a box, then the table of what it rests on."""
+    verdict = report.verdict
+    scenario = report.run.trajectory.scenario
+    kind = "good" if verdict.certified else "bad"
+    sign = "&#10003;" if verdict.certified else "&#10007;"
+    lines = [f"<p>{html.escape(_meaning(report))}</p>"]
+    if collided := report.measured.first_collision:
+        lines.append(
+            f"<p><b>Collision</b> of vehicle {collided[0]} with the one ahead at "
+            f"{collided[1]:g} s.</p>"
+        )
+    lines += [f"<p><b>Void for this run:</b> {html.escape(why)}.</p>" for why in verdict.void]
+    return (
+        f'<header class="verdict {kind}"><h1>{sign} {html.escape(verdict.headline.capitalize())}'
+        f"</h1><p><b>{html.escape(scenario.name)}</b>: {scenario.platoon.followers} followers, "
+        f"{report.measured.duration:g} s, seed {scenario.run.seed}</p>{''.join(lines)}</header>\n"
+        f"<h2>What the verdict rests on</h2>{_basis_table(report, metrics)}"
+        "<p>The verdict is a theorem about the run's parameters. No ordering of errors in one "
+        "noisy run, nor in a hundred, proves or disproves string stability.</p>\n"
+        f"<h2>What happened</h2>{_outcome_table(metrics)}"
+    )
+
+
+def findings_section(report: Report) -> str:
+    """Return the faults of the bag, or nothing."""
+    found = report.run.findings
+    if not found:
+        return ""
+    items = "".join(f"<li>{html.escape(line)}</li>" for line in found)
+    return (
+        f'<div class="note"><b>Found in the bag ({len(found)}).</b> Samples that are missing or '
+        f"not finite are left out of every number.<ul>{items}</ul></div>\n"
+    )
+
+
+def _meaning(report: Report) -> str:
+    verdict = report.verdict
+    weakest = verdict.weakest
+    peaks = report.expected.max_abs_spacing_error
+    course = (
+        f"In the expectation run the largest spacing error is {describe_growth(peaks)} along the "
+        f"platoon, {peaks[0]:.6f} m at the first follower and {peaks[-1]:.6f} m at the last."
+    )
+    if verdict.string_stable:
+        return (
+            "Disturbances do not grow from vehicle to vehicle, in energy, for any lag up to tau0 "
+            f"and any mean noise the SNR permits: sup|H| = {weakest.l2_gain:.9g}. {course}"
+        )
+    if verdict.undecided:
+        return f"The gains cannot be certified: {weakest.reason} {course}"
+    return (
+        f"Disturbances may grow from vehicle to vehicle: {weakest.reason}; "
+        f"sup|H| = {weakest.l2_gain:.9g} at {weakest.peak_frequency:.6g} rad/s. {course}"
+    )
+
+
+def _basis_table(report: Report, metrics: dict[str, Any]) -> str:
+    """Return each question, its answer and the definition and test the answer rests on."""
+    rows = [*_certificate_rows(report), *_data_rows(report, metrics)]
+    return text_table(("question", "answer", "basis"), rows)
+
+
+def _certificate_rows(report: Report) -> Iterator[tuple[str, str, str]]:
+    """Say what follows from the parameters alone."""
+    verdict = report.verdict
+    unknown = verdict.undecided
+    yield "String stable, robustly (L2)", _answer(verdict.string_stable, unknown), EXACT_TEST
+    yield "Paper's own test", _answer(verdict.in_paper_region, unknown), PAPER_TEST
+    yield (
+        "Sampled at the control period",
+        _answer(all(one.sampled for one in verdict.followers), unknown),
+        f"exact test (L2) of the loop under zero-order hold at {report.run.grid.step / 1e9:g} s",
+    )
+    yield "Ratio of peaks per hop, at most", _g(verdict.linf_gain), LINF_NAME
+    if not verdict.equal_links:
+        yield (
+            "Unequal followers",
+            f"vehicle {verdict.weakest.follower} is the weakest",
+            "certified link by link on a_i = H_i a_{i-1}; delta_i = H delta_{i-1} needs equal "
+            "followers",
+        )
+
+
+def _data_rows(report: Report, metrics: dict[str, Any]) -> Iterator[tuple[str, str, str]]:
+    """Say whether the run kept what the certificate rests on."""
+    verdict, links = report.verdict, report.measured.noise
+    realised = [one.realised_stable for one in verdict.followers]
+    yield (
+        "With the mean noise of this run",
+        "unknown" if None in realised else _answer(all(realised)),
+        "exact test (L2) with each link's realised mean of w and each follower's own tau; an "
+        f"estimate from one run. End to end sup|H_1...H_N| = {_g(verdict.end_to_end_gain)}",
+    )
+    heard = any(link.samples for link in links)
+    kept = "kept" if heard else "nothing was sent"
+    yield (
+        "Channel assumption",
+        "broken" if any(link.breaches for link in links) else kept,
+        "1 - 1/rho <= w <= 1 + 1/rho at every sample of every link, checked in the data",
+    )
+    largest = report.consistency.largest
+    obeyed = "to the last bit" if largest == 0.0 else f"within {largest:.2g}"
+    yield (
+        "Followers obey their equations",
+        "no" if report.consistency.departures else obeyed,
+        "every recorded state against one step of plant and control law from the sample before",
+    )
+    if ensemble := metrics["ensemble"]:
+        apart = ensemble["max_standard_errors_from_expectation"]
+        yield (
+            "Mean of noisy runs",
+            "unknown, they overflow"
+            if apart is None
+            else f"at most {apart:.3g} standard errors away",
+            f"{ensemble['runs']} simulated runs against the expectation run at every vehicle and "
+            "time; the paper's averaging says they agree",
+        )
+
+
+def _outcome_table(metrics: dict[str, Any]) -> str:
+    """Return the few numbers that sum a run up."""
+    rows = [
+        ("platoon length at first", "m", "platoon_length.initial", ".3f"),
+        ("platoon length at most", "m", "platoon_length.max", ".3f"),
+        ("platoon length at last", "m", "platoon_length.final", ".3f"),
+        ("smallest gap", "m", "min_gap", ".3f"),
+        ("mean of w over all links", "-", "noise.mean_w", ".6f"),
+        ("smallest w", "-", "noise.min_w", ".6f"),
+        ("largest w", "-", "noise.max_w", ".6f"),
+        ("realised SNR", "dB", "noise.snr_db", ".3f"),
+    ]
+    body = "".join(
+        f'<tr><td class="text">{name} [{unit}]</td>{cell(metrics, key, form)}</tr>'
+        for name, unit, key, form in rows
+    )
+    collided = metrics["first_collision"]
+    said = f"vehicle {collided['follower']} at {collided['time']:g} s" if collided else "no"
+    return (
+        f'<div class="scroll"><table><tbody>{body}<tr><td class="text">collision</td>'
+        f"<td>{said}</td></tr></tbody></table></div>"
+    )
+
+
+def _answer(holds: bool, unknown: bool = False) -> str:
+    return "undecided" if unknown else "yes" if holds else "no"
+
+
+def _g(value: float | None) -> str:
+    return "unknown" if value is None or math.isnan(value) else f"{value:.9g}"

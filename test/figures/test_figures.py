@@ -1,0 +1,96 @@
+"""Figures show what the records hold."""
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from cacc_platoon.analysis import compute_metrics
+from cacc_platoon.figures import channel, motion, propagation, style
+from cacc_platoon.simulation import monte_carlo, simulate
+
+
+@pytest.fixture
+def axes():
+    return Figure().subplots()
+
+
+def test_reduce_keeps_peaks_and_gaps():
+    time = np.arange(50_000.0)
+    values = np.sin(time / 300.0)
+    values[31_234] = 7.0
+    values[40_000:42_000] = np.nan
+    t, v = style.reduce(time, values)
+    assert len(t) == 2 * style.POINTS
+    assert np.nanmax(v) == 7.0
+    assert t[np.nanargmax(v)] == 31_234.0
+    assert np.isnan(v).any()
+    assert (np.diff(t) >= 0).all()
+
+
+def test_spacing_errors_are_the_lines(axes, scenario):
+    run = simulate(scenario)
+    motion.plot_spacing_errors(axes, run)
+    lines = axes.get_lines()
+    assert len(lines) == 3
+    for column, line in enumerate(lines):
+        assert line.get_ydata().tolist() == run.spacing_error[:, column].tolist()
+    assert axes.get_ylabel().endswith("[m]")
+
+
+@pytest.mark.parametrize("followers", [1, 40])
+def test_any_number_of_vehicles(bags, followers):
+    run = simulate(bags.scenario({"platoon.followers": followers}))
+    for draw in (
+        motion.plot_spacing_errors,
+        motion.plot_speeds,
+        motion.plot_accelerations,
+        motion.plot_gaps,
+        motion.plot_space_time,
+        motion.plot_waterfall,
+    ):
+        axes = Figure().subplots()
+        draw(axes, run)
+        assert 1 <= len(axes.get_lines()) <= 2 * motion.MOST_LINES
+        assert axes.get_xlabel() == "time [s]"
+
+
+def test_noise_figure(scenario):
+    run = simulate(scenario)
+    noise, signal = Figure().subplots(2)
+    channel.plot_noise(noise, signal, run, 2)
+    shown = noise.get_lines()[0].get_ydata()
+    shown = shown[np.isfinite(shown)]
+    assert 0.8 <= shown.min() <= shown.max() <= 1.2
+    sent = next(line for line in signal.get_lines() if "sent" in line.get_label())
+    assert sent.get_ydata().tolist() == run.acceleration[:, 1].tolist()
+
+
+def test_ensemble_band_holds_the_run(scenario):
+    run, expectation = simulate(scenario), simulate(scenario, "expected")
+    ensemble = monte_carlo(scenario, 5)
+    assert (ensemble.low <= run.spacing_error + 1e-12).all()  # the run is the first of them
+    first, last = Figure().subplots(2)
+    propagation.plot_ensemble(first, last, ensemble, expectation, run)
+    axes = Figure().subplots()
+    propagation.plot_peaks(axes, compute_metrics(run), compute_metrics(expectation), ensemble)
+    expected = next(line for line in axes.get_lines() if "expectation" in line.get_label())
+    assert expected.get_ydata().tolist() == (
+        compute_metrics(expectation).max_abs_spacing_error.tolist()
+    )
+
+
+def test_svg_stands_alone_and_is_the_same_every_time():
+    def draw(axes):
+        axes.plot([0, 1], [1, 0])
+
+    one, two = (style.draw_svg("a <test>", draw) for _ in range(2))
+    assert one == two
+    assert "http" not in one
+    assert 'aria-label="a &lt;test&gt;"' in one
+
+
+def test_colours_can_be_told_apart_by_lightness():
+    """Neighbours along the platoon differ in one direction of lightness, for any colour vision."""
+    colours = np.array(style.vehicle_colours(12))[:, :3]
+    lightness = colours @ [0.2126, 0.7152, 0.0722]
+    assert (np.diff(lightness) > 0).all()

@@ -1,0 +1,244 @@
+"""What a replay is compared with: what was recorded, what is missing, what may be changed."""
+
+import struct
+
+import numpy as np
+import pytest
+
+from cacc_platoon.bags.write import write_bag
+from cacc_platoon.errors import UserError
+from cacc_platoon.replay import (
+    changed_scenario,
+    first_difference,
+    possible_causes,
+    read_node,
+    what_if,
+    what_if_figure,
+)
+from cacc_platoon.runs.recording import recording_of
+from cacc_platoon.scenario import Scenario
+from cacc_platoon.scenario.file import format_scenario
+from cacc_platoon.simulation import simulate
+from msg_adapters.topics import VehicleTopics
+
+VALUES = {
+    "platoon.followers": 3,
+    "run.duration": 2.0,
+    "leader.start": 0.2,
+    "leader.amplitude": 2.0,
+}
+SCENARIO = Scenario.from_values(VALUES)
+TWO_DIGITS = Scenario.from_values(VALUES | {"platoon.first_follower": 10})
+OWN, AHEAD = VehicleTopics("/platoon", 2), VehicleTopics("/platoon", 1)
+
+
+def make_bag(path, scenario=SCENARIO, **changes):
+    """Write the run with some topics changed: a function of the messages, or None for none."""
+    recording = recording_of(simulate(scenario))
+    for topic, change in changes.items():
+        name = f"/platoon/vehicle_{topic[1]}/{topic[3:].replace('__', '/')}"
+        record = recording.pop(name)
+        if change:
+            recording[name] = record._replace(messages=change(record.messages.copy()))
+    write_bag(
+        path,
+        recording,
+        step_ns=SCENARIO.step_ns,
+        depth=100,
+        scenario_topic="/platoon/scenario",
+        scenario_text=format_scenario(scenario),
+        custom_data={},
+    )
+    return path
+
+
+def answers(record, scenario=SCENARIO):
+    """Return what a node that works says: what the simulation says."""
+    recording = recording_of(simulate(scenario))
+    return {
+        stream.topic.name: [
+            row.tobytes() for row in recording[stream.topic.name].messages[: record.samples]
+        ]
+        for stream in record.outputs
+    }
+
+
+def test_inputs_and_outputs_of_every_node(tmp_path):
+    bag = make_bag(tmp_path / "bag")
+    own = [topic.name for topic in (OWN.pose, OWN.twist, OWN.accel)]
+    heard = [topic.name for topic in (AHEAD.pose, AHEAD.twist, OWN.received)]
+    for node, inputs, outputs in (
+        ("vehicle", heard, own),
+        ("noise_relay", [AHEAD.accel.name], [OWN.received.name]),
+    ):
+        record = read_node(bag, 2, node)
+        assert [stream.topic.name for stream in record.inputs] == inputs
+        assert [stream.topic.name for stream in record.outputs] == outputs
+        assert (record.samples, record.notes) == (201, ())
+        assert first_difference(record, answers(record)) is None
+    leader = read_node(bag, 0)
+    assert (leader.node, leader.inputs, leader.samples) == ("leader", (), 201)
+
+
+@pytest.mark.parametrize("name", ["pose", "twist", "accel"])
+@pytest.mark.parametrize("sample", [0, 57, 200])
+@pytest.mark.parametrize("bit", [0, 51])
+def test_one_mantissa_bit_is_seen(tmp_path, name, sample, bit):
+    topic = getattr(OWN, name)
+
+    def flip(rows):
+        at = topic.codec.size - 8 * topic.kind.doubles
+        (number,) = struct.unpack_from("<Q", rows[sample].tobytes(), at)
+        rows[sample, at : at + 8] = np.frombuffer(struct.pack("<Q", number ^ 1 << bit), np.uint8)
+        return rows
+
+    record = read_node(make_bag(tmp_path / "bag", **{f"v2_{name}": flip}), 2)
+    difference = first_difference(record, answers(record))
+    assert (difference.topic, difference.sample) == (topic.name, sample)
+    assert difference.time == sample * 0.01
+    assert repr(difference.recorded) in str(difference)
+    assert repr(difference.replayed) in str(difference)
+
+
+def test_a_byte_that_is_no_number_is_seen(tmp_path):
+    def change(rows):
+        rows[9, 20] ^= 1  # inside the frame_id
+        return rows
+
+    record = read_node(make_bag(tmp_path / "bag", v2_accel=change), 2)
+    assert "byte 20 of the message is" in str(first_difference(record, answers(record)))
+
+
+def test_padding_does_not_count(tmp_path):
+    """The frame vehicle_11/base_link ends at byte 37, the numbers begin at byte 44."""
+    record = read_node(make_bag(tmp_path / "bag", TWO_DIGITS), 11)
+    replayed = answers(record, TWO_DIGITS)
+    name = VehicleTopics("/platoon", 11).twist.name
+    replayed[name] = [data[:37] + b"\x5a" * 7 + data[44:] for data in replayed[name]]
+    assert first_difference(record, replayed) is None
+    replayed[name][4] = replayed[name][4][:36] + b"\x5a" + replayed[name][4][37:]
+    assert first_difference(record, replayed).sample == 4
+
+
+def test_the_first_difference_in_time_is_told(tmp_path):
+    record = read_node(make_bag(tmp_path / "bag"), 2)
+    replayed = answers(record)
+    for topic, sample in ((OWN.pose, 120), (OWN.accel, 60), (OWN.twist, 61)):
+        data = topic.codec.encode(sample * SCENARIO.step_ns, 99.0)
+        replayed[topic.name][sample] = data
+    difference = first_difference(record, replayed)
+    assert (difference.topic, difference.sample) == (OWN.accel.name, 60)
+
+
+def test_another_length_is_a_difference(tmp_path):
+    record = read_node(make_bag(tmp_path / "bag"), 2)
+    replayed = answers(record)
+    replayed[OWN.pose.name][3] += b"\0"
+    assert "bytes replayed" in str(first_difference(record, replayed))
+
+
+@pytest.mark.parametrize(
+    ("topic", "length", "samples"),
+    [("v2_pose", 100, 100), ("v1_pose", 100, 101), ("v2_v2v__accel", 100, 101)],
+)
+def test_it_goes_as_far_as_the_bag(tmp_path, topic, length, samples):
+    bag = make_bag(tmp_path / "bag", **{topic: lambda rows: rows[:length]})
+    record = read_node(bag, 2)
+    assert record.samples == samples
+    assert record.notes == (
+        f"/platoon/vehicle_{topic[1]}/{topic[3:].replace('__', '/')} ends at sample 99",
+    )
+    assert first_difference(record, answers(record)) is None
+
+
+def test_a_gap_in_what_the_vehicle_said_is_a_difference(tmp_path):
+    record = read_node(make_bag(tmp_path / "bag", v2_twist=lambda r: np.delete(r, 70, axis=0)), 2)
+    difference = first_difference(record, answers(record))
+    assert (difference.topic, difference.sample) == (OWN.twist.name, 70)
+    assert "no message of this sample but later ones" in str(difference)
+
+
+def test_what_the_channel_lost_is_fed_as_lost(tmp_path):
+    lost = [3, 50, 51, 180]
+    bag = make_bag(tmp_path / "bag", v2_v2v__accel=lambda rows: np.delete(rows, lost, axis=0))
+    record = read_node(bag, 2)
+    feed = {topic.name: rows for topic, rows in record.feed()}
+    assert [k for k, row in enumerate(feed[OWN.received.name]) if row is None] == lost
+    assert record.samples == 201
+
+
+@pytest.mark.parametrize("topic", ["v1_pose", "v1_twist", "v2_v2v__accel", "v2_accel"])
+def test_a_missing_topic_is_refused_in_one_line(tmp_path, topic):
+    name = f"/platoon/vehicle_{topic[1]}/{topic[3:].replace('__', '/')}"
+    with pytest.raises(UserError, match=f"lacks {name}, without which vehicle") as refusal:
+        read_node(make_bag(tmp_path / "bag", **{topic: None}), 2)
+    assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    ("index", "node", "said"),
+    [
+        (4, None, "has no vehicle of vehicle_4; vehicle_0 leads and 1 to 3 follow"),
+        (0, "noise_relay", "has no noise_relay of vehicle_0"),
+        (2, "leader", "vehicle_2 does not lead"),
+    ],
+)
+def test_a_node_that_was_not_there_is_refused(tmp_path, index, node, said):
+    with pytest.raises(UserError, match=said):
+        read_node(make_bag(tmp_path / "bag"), index, node)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda rows: rows[5:], "does not begin with sample 0"),
+        (lambda rows: rows[:, :-8], "has messages of another layout"),
+    ],
+)
+def test_a_topic_that_cannot_be_replayed_is_refused(tmp_path, change, said):
+    with pytest.raises(UserError, match=said):
+        read_node(make_bag(tmp_path / "bag", v2_pose=change), 2)
+
+
+@pytest.mark.parametrize("setting", ["controller.k_v=0.7", "vehicle_2.controller.k_v=0.7"])
+def test_a_setting_is_for_the_replayed_vehicle(tmp_path, setting):
+    record = read_node(make_bag(tmp_path / "bag"), 2)
+    scenario = changed_scenario(record, [setting])
+    assert [follower.gains.k_v for follower in scenario.followers] == [0.63, 0.7, 0.63]
+
+
+@pytest.mark.parametrize(
+    "setting", ["v2v.rho=3", "run.step=0.02", "leader.amplitude=1", "vehicle_3.controller.k_v=1"]
+)
+def test_a_setting_without_effect_is_refused(tmp_path, setting):
+    record = read_node(make_bag(tmp_path / "bag"), 2)
+    with pytest.raises(UserError, match="the replay would not change"):
+        changed_scenario(record, [setting])
+
+
+def test_only_a_follower_is_asked_what_it_would_have_done(tmp_path):
+    with pytest.raises(UserError, match="vehicle_0/leader is none"):
+        changed_scenario(read_node(make_bag(tmp_path / "bag"), 0), ["controller.k_v=1"])
+
+
+def test_what_if_nothing_had_changed(tmp_path):
+    record = read_node(make_bag(tmp_path / "bag"), 2)
+    answer = what_if(record, record.scenario, answers(record))
+    assert answer.recorded == answer.replayed
+    run = simulate(SCENARIO)
+    assert answer.recorded.max_abs_spacing_error == np.abs(run.spacing_error[:, 1]).max()
+    assert answer.recorded.min_gap == run.gap[:, 1].min()
+    assert (answer.recorded_error == run.spacing_error[:, 1]).all()
+    figure = what_if_figure(answer, 2, ["controller.k_v=0.7"])
+    assert "with controller.k_v=0.7" in figure
+    assert figure.startswith("<svg xmlns")
+
+
+def test_causes_begin_with_what_is_known(tmp_path):
+    record = read_node(make_bag(tmp_path / "bag"), 2)
+    assert "carries no digest" in possible_causes(record)[0]
+    info = {"fingerprint": {"math": "0", "machine": "riscv64"}, "versions": {"numpy": "1.0"}}
+    record.run.info.update(info)
+    first, second, *_ = possible_causes(record)
+    assert "recorded on riscv64" in first
+    assert "numpy 1.0 then" in second

@@ -1,0 +1,119 @@
+"""`platoon paper`: every statement of the paper that can be checked agrees, on computed numbers."""
+
+import dataclasses
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cacc_platoon.analysis import Report, check_consistency, compute_metrics, judge
+from cacc_platoon.cli import main
+from cacc_platoon.reproduction.cases import CASES, case_scenario
+from cacc_platoon.reproduction.page import summary, write_reproduction
+from cacc_platoon.reproduction.reproduce import reproduce
+from cacc_platoon.runs import RecordedRun
+from cacc_platoon.runs.sample_grid import Grid
+from cacc_platoon.scenario.file import load_scenario
+from cacc_platoon.simulation import monte_carlo, simulate
+
+CONFIG = Path(__file__).parents[2] / "config"
+
+
+def report_of(case, **settings):
+    """The report of a case without the detour by a bag."""
+    scenario = case_scenario(case, settings)
+    trajectory, expectation = simulate(scenario), simulate(scenario, "expected")
+    measured, consistency = compute_metrics(trajectory), check_consistency(trajectory)
+    grid = Grid(0, scenario.step_ns, scenario.samples, exact=True)
+    run = RecordedRun(Path("bag"), trajectory, scenario, grid, (), "0" * 64, "", 0, {})
+    return Report(
+        Path("nowhere"),
+        run,
+        measured,
+        expectation,
+        compute_metrics(expectation),
+        consistency,
+        judge(scenario, measured.noise, consistency),
+        monte_carlo(scenario, 2),
+    )
+
+
+@pytest.fixture(scope="module")
+def reports():
+    return {case.name: report_of(case) for case in CASES}
+
+
+def test_every_statement_agrees(reports):
+    result = reproduce(reports)
+    assert result.agrees, [claim for claim in result.claims if not claim.agrees]
+    assert len(result.claims) >= 20
+    assert {"0.833333333", "0.937500000", "0.318305009", "0.872677996"} <= {
+        claim.measured for claim in result.claims
+    }
+
+
+def test_claims_can_fail(reports):
+    """With B's gains in the place of A's the statements about A do not hold."""
+    wrong = {**reports, "A": reports["B"]}
+    failing = {claim.what for claim in reproduce(wrong).claims if not claim.agrees}
+    assert "case A: max|delta_i| along the platoon [m]" in failing
+    assert "case A: robustly string stable (L2)" in failing
+    assert any("platoon length" in what for what in failing)
+    result = reproduce(wrong)
+    assert not result.agrees
+    assert "\n! " in summary(result)
+
+
+def test_published_numbers(reports):
+    """docs/theory.md, section 1, the line of 100 Hz."""
+    peaks = {name: r.expected.max_abs_spacing_error for name, r in reports.items()}
+    assert peaks["A"][[0, -1]] == pytest.approx([1.596227, 1.544609], abs=5e-7)
+    assert peaks["B"][[0, -1]] == pytest.approx([0.882905, 0.888412], abs=5e-7)
+    assert peaks["C"][[0, -1]] == pytest.approx([0.926459, 0.921985], abs=5e-7)
+
+
+def test_cases_are_those_of_the_scenario_files():
+    for case in CASES:
+        file = load_scenario(CONFIG / f"paper_{case.name.lower()}.yaml")
+        assert dataclasses.replace(case_scenario(case), name=file.name) == file
+
+
+def test_page_and_figures(reports, tmp_path):
+    page = write_reproduction(reproduce(reports), tmp_path).read_text(encoding="utf-8")
+    drawn = {path.stem for path in (tmp_path / "figures").glob("*.svg")}
+    assert drawn >= {
+        "noise_cone",
+        "noise_received",
+        "headway_slope",
+        "region_a",
+        "region_c",
+        "response_a",
+        "response_b",
+        "spacing_errors_a",
+        "spacing_errors_b",
+        "spacing_errors_c",
+        "noise_link_1_2",
+        "platoon_length",
+    }
+    assert "http" not in page
+    document = json.loads((tmp_path / "paper.json").read_text())
+    assert document["agrees"] is True
+    for claim in document["claims"]:
+        assert claim["what"].replace("|", "|") in page.replace("&#x27;", "'")
+    for fact in ("paper says", "we measured", "1.001163718", "0.872677996"):
+        assert fact in page
+
+
+def test_noisy_runs_need_not_be_monotone(reports):
+    """None of A's, B's, C's recorded noisy runs is what its verdict rests on."""
+    for report in reports.values():
+        growing = np.diff(report.measured.max_abs_spacing_error) > 0
+        assert growing.any()
+        assert not growing.all()
+
+
+def test_folder_in_use_is_refused(tmp_path, capsys):
+    (tmp_path / "something").write_text("")
+    assert main(["paper", "--simulate", "-o", str(tmp_path)]) == 2
+    assert "not empty" in capsys.readouterr().err
