@@ -58,8 +58,6 @@ def room_of(module: str) -> str:
     parts = module.split(".")
     if parts[0] != "cacc_platoon" or len(parts) == 1:
         return parts[0]
-    if parts[1].startswith("testing"):
-        return "testing"
     return "cli" if parts[1] == "__main__" else parts[1]
 
 
