@@ -1,7 +1,7 @@
 """Start a platoon: ros2 launch cacc_platoon platoon.launch.py scenario:=FILE [run_folder:=DIR].
 
 The supervisor starts the hosts of all vehicles, records and ends by itself. With spawn:=false it
-waits for nodes that are started by hand with `ros2 run cacc_platoon {leader,vehicle,noise_relay}`.
+waits for nodes that are started manually with `ros2 run cacc_platoon {leader,vehicle,noise_relay}`.
 """
 
 from launch import LaunchDescription

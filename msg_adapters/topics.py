@@ -74,7 +74,7 @@ def run_topics(scenario: Scenario) -> list[Topic]:
     return digest_topics(platoon.namespace, platoon.followers, platoon.first_follower)
 
 
-STRANGERS_LAG = 500
+OUTSIDE_LAG = 500
 """Samples that a subscriber outside of the platoon, whom nobody waits for, may lag without loss."""
 
 
@@ -84,4 +84,4 @@ def queue_depth(window: int, followers: int) -> int:
     The leader is at most `window` samples ahead of the last complete sample, and a follower may
     lag the leader by one sample a vehicle more.
     """
-    return 2 * window + followers + STRANGERS_LAG
+    return 2 * window + followers + OUTSIDE_LAG

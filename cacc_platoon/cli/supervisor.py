@@ -4,7 +4,7 @@ r"""The supervisor as an executable of its own, for `ros2 run` and launch files.
       [-p run.spawn:=false] [-p record.directory:=DIR]
 
 It does what `platoon run` does, with ROS parameters: spawns the hosts (or waits for nodes that
-were started by hand when run.spawn is false), runs, records and judges.
+were started manually when run.spawn is false), runs, records and judges.
 """
 
 from __future__ import annotations

@@ -34,7 +34,7 @@ class PlatoonNode(Node):  # type: ignore[misc]
     groups : tuple of str
         Groups of the parameter table that the node declares.
     scenario, index : Scenario and int, optional
-        The run and the vehicle; a node started by hand takes them from its parameters and its
+        The run and the vehicle; a node started manually takes them from its parameters and its
         namespace.
 
     Attributes
@@ -54,7 +54,7 @@ class PlatoonNode(Node):  # type: ignore[misc]
             super().__init__(name, automatically_declare_parameters_from_overrides=True)
             index = ros_parameters.vehicle_index(self.get_namespace(), name)
             scenario = ros_parameters.scenario_of(self, RECORD_PARAMETER)
-            ros_parameters.refuse_stranger(scenario, f"vehicle_{index}/{name}")
+            ros_parameters.refuse_unknown_node(scenario, f"vehicle_{index}/{name}")
         else:
             namespace = VehicleTopics(scenario.platoon.namespace, index).namespace
             super().__init__(name, namespace=namespace, use_global_arguments=False)

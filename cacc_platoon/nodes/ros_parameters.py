@@ -16,7 +16,7 @@ from rclpy.parameter import Parameter as RosParameter
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import parameter_files
 from cacc_platoon.scenario.parameter import Parameter, ScenarioError, refuse_unknown
-from cacc_platoon.scenario.table import SNR_DB, TABLE
+from cacc_platoon.scenario.table import FORMER_NAMES, SNR_DB, TABLE
 
 FOREIGN = ("use_sim_time", "qos_overrides.", "start_type_description_service")
 _LARGE = 1e300
@@ -81,12 +81,12 @@ def given_parameters(node: Node, *own: str) -> dict[str, Any]:
     found: dict[str, RosParameter] = node.get_parameters_by_prefix("")
     names = [name for name in found if name not in own and not name.startswith(FOREIGN)]
     source = f"parameters of {node.get_fully_qualified_name()}"
-    refuse_unknown(names, [*TABLE, SNR_DB.name, *own], source)
+    refuse_unknown(names, [*TABLE, SNR_DB.name, *FORMER_NAMES, *own], source)
     return {name: _plain(found[name].value) for name in names}
 
 
 def scenario_of(node: Node, *own: str) -> Scenario:
-    """Build the scenario of a node that was started by hand, from its parameters."""
+    """Build the scenario of a node that was started manually, from its parameters."""
     values = given_parameters(node, *own)
     prefix = namespace_prefix(node.get_namespace())
     if values.setdefault("platoon.namespace", prefix) != prefix:
@@ -101,10 +101,10 @@ def scenario_of(node: Node, *own: str) -> Scenario:
 
 
 LOCAL = {
-    *("run.hosts", "run.spawn", "run.by_hand", "run.real_time_factor", "run.start_timeout"),
+    *("run.hosts", "run.spawn", "run.manual_nodes", "run.real_time_factor", "run.start_timeout"),
     *("run.stall_timeout", "record.directory", "leader.file", "leader.digest"),
 }
-"""Parameters of which a node started by hand may have values of its own."""
+"""Parameters of which a node started manually may have values of its own."""
 
 
 def shared_parameters(scenario: Scenario, index: int, groups: Iterable[str]) -> dict[str, Any]:
@@ -121,7 +121,7 @@ def shared_parameters(scenario: Scenario, index: int, groups: Iterable[str]) -> 
     return plain
 
 
-def refuse_stranger(scenario: Scenario, node: str) -> None:
+def refuse_unknown_node(scenario: Scenario, node: str) -> None:
     """Raise ScenarioError when a platoon has no such node, which would wait for ever."""
     names = scenario.node_names
     if node not in names:

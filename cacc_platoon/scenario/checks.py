@@ -15,7 +15,7 @@ from cacc_platoon.model import read_speed_profile
 from cacc_platoon.model.channel import MAX_BITS
 from cacc_platoon.scenario.follower import Follower
 from cacc_platoon.scenario.parameter import ScenarioError, refuse_unknown
-from cacc_platoon.scenario.table import SNR_DB, TABLE, Leader, Platoon, Run, Vehicle
+from cacc_platoon.scenario.table import FORMER_NAMES, SNR_DB, TABLE, Leader, Platoon, Run, Vehicle
 
 MAX_SAMPLES = 10**8
 """More would neither fit into memory nor end."""
@@ -29,9 +29,15 @@ def checked_values(
     values: Mapping[str, Any], source: str, per_vehicle: bool = False
 ) -> dict[str, Any]:
     """Return checked values; v2v.snr_db becomes v2v.rho."""
-    refuse_unknown(values, [*TABLE, SNR_DB.name], source)
+    refuse_unknown(values, [*TABLE, SNR_DB.name, *FORMER_NAMES], source)
     checked: dict[str, Any] = {}
-    for name, value in values.items():
+    for given, value in values.items():
+        name = FORMER_NAMES.get(given, given)
+        if name != given and name in values:
+            raise ScenarioError(
+                f"{source}: {given} is the former name of {name}, which is given too: one of the "
+                f"two would be ignored. Give {name} alone."
+            )
         row = TABLE.get(name, SNR_DB)
         if per_vehicle and row is not SNR_DB and not row.per_vehicle:
             raise row.refusal(value, source, "is common to the platoon; set it under /**")
@@ -82,9 +88,9 @@ def check_run(run: Run, node_names: list[str], source: str) -> None:
 
     if isinstance(run.hosts, str) and run.hosts not in ("auto", "per_node"):
         raise refuse("run.hosts", run.hosts, "must be auto, per_node or a whole number")
-    for node in run.by_hand:
+    for node in run.manual_nodes:
         if node not in node_names:
-            raise refuse("run.by_hand", node, "is no node of this platoon")
+            raise refuse("run.manual_nodes", node, "is no node of this platoon")
     if run.seed >= 2**63:
         raise refuse("run.seed", run.seed, "must be < 2^63")
     if not _is_multiple(run.step, 1e-9):

@@ -157,8 +157,8 @@ class Run:
         at_least=1,
     )
     spawn: bool = parameter(True, "-", "whether the supervisor starts the hosts itself")
-    by_hand: tuple[str, ...] = parameter(
-        (), "-", "the nodes that are started by hand, such as vehicle_3/vehicle"
+    manual_nodes: tuple[str, ...] = parameter(
+        (), "-", "the nodes that somebody else starts, such as vehicle_3/vehicle"
     )
     window: int = parameter(
         64, "samples", "how far the leader may be ahead of the slowest", at_least=1, at_most=1000
@@ -195,6 +195,9 @@ TABLE: dict[str, Parameter] = {
     for group, owner in GROUPS.items()
     for row in rows(group, owner, per_vehicle=group in PER_VEHICLE)
 }
+FORMER_NAMES = {"run.by_hand": "run.manual_nodes"}
+"""Names that parameters had in earlier releases; scenario files with them are still read."""
+
 SNR_DB = Parameter(
     "v2v.snr_db",
     "float",

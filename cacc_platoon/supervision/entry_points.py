@@ -46,7 +46,7 @@ Draw a platoon for RViz: a box and a number for each vehicle, on <prefix>/marker
 Works beside a run and beside `ros2 bag play`; config/ holds an RViz configuration."""
 
 RECORDER_HELP = """\
-Record the topics of a whole platoon, for nodes started by hand that do not record themselves.
+Record the topics of a whole platoon, for nodes started manually that do not record themselves.
 
   ros2 run cacc_platoon recorder --ros-args -r __ns:=/platoon \\
       --params-file config/paper_a.yaml -p record:=DIR
@@ -126,7 +126,7 @@ def recorder() -> int:
     if asked_for_help(RECORDER_HELP):
         return 0
     stop = StopSignal(signal.SIGINT, signal.SIGTERM)
-    made = start(_recorder_by_hand)
+    made = start(_manual_recorder)
     if made is None:
         return BAD_INPUT
     session = HostSession("recorder", [made], made.scenario, made)
@@ -134,7 +134,7 @@ def recorder() -> int:
     return serve([made], session, made, stop)
 
 
-def _recorder_by_hand() -> RecorderNode:
+def _manual_recorder() -> RecorderNode:
     node = Node("recorder", automatically_declare_parameters_from_overrides=True)
     try:
         scenario = scenario_of(node, RECORD_PARAMETER)

@@ -158,7 +158,7 @@ class HostSession:
         ]
 
     def _parameters(self) -> dict[str, dict[str, Any]]:
-        """Return the parameters of nodes started by hand, which must be those of the run."""
+        """Return the parameters of nodes started manually, which must be those of the run."""
         return {
             _relative(node, self._prefix): shared_parameters(node.scenario, node.index, node.groups)
             for node in self._nodes

@@ -50,9 +50,9 @@ def plan_hosts(scenario: Scenario, parts: Path, run: str) -> list[HostPlan]:
     """
     vehicles: list[list[tuple[str, int]]] = [[("leader", scenario.leader_index)]]
     vehicles += [[("vehicle", i), ("noise_relay", i)] for i in scenario.indices]
-    by_hand = set(scenario.run.by_hand)
+    manual_nodes = set(scenario.run.manual_nodes)
     vehicles = [
-        [(kind, i) for kind, i in vehicle if f"vehicle_{i}/{kind}" not in by_hand]
+        [(kind, i) for kind, i in vehicle if f"vehicle_{i}/{kind}" not in manual_nodes]
         for vehicle in vehicles
     ]
     vehicles = [vehicle for vehicle in vehicles if vehicle]

@@ -124,7 +124,7 @@ class SupervisorNode(Node):  # type: ignore[misc]
         return failures + self._strange
 
     def disagreements(self) -> list[str]:
-        """Return how parameters of nodes started by hand differ from the run's."""
+        """Return how parameters of nodes started manually differ from the run's."""
         found = []
         for host in self.hosts.values():
             for node, given in host["parameters"].items():

@@ -8,7 +8,7 @@
 
 Every platoon is the `platoon run` command in a process of its own and in a DDS domain of its own;
 what the harness knows it has from topics and from the run folder. To test a controller of your
-own, start its node by hand: see `by_hand`.
+own, start its node by hand: see `manual_nodes`.
 """
 
 from __future__ import annotations
@@ -99,7 +99,7 @@ class Platoon:
         `key=value` texts, as for `platoon run --set`.
     hosts : int or str, optional
         Replaces run.hosts.
-    by_hand : mapping of str to sequence of str, optional
+    manual_nodes : mapping of str to sequence of str, optional
         Commands that start nodes instead of ours, by node name such as "vehicle_3/vehicle"; the
         harness adds --ros-args with the node's namespace and the scenario. An empty command is
         left to `start`.
@@ -117,7 +117,7 @@ class Platoon:
         *,
         settings: Sequence[str] = (),
         hosts: int | str | None = None,
-        by_hand: Mapping[str, Sequence[str]] | None = None,
+        manual_nodes: Mapping[str, Sequence[str]] | None = None,
         environment: Mapping[str, str] | None = None,
         folder: Path | None = None,
         report: bool = False,
@@ -127,12 +127,12 @@ class Platoon:
         if folder is None:
             weakref.finalize(self.folder, shutil.rmtree, base, ignore_errors=True)
         self._flags = [] if report else ["--no-report"]
-        self._by_hand = dict(by_hand or {})
+        self._manual_nodes = dict(manual_nodes or {})
         settings = list(settings)
         if hosts is not None:
             settings.append(f"run.hosts={hosts}")
-        if by_hand:
-            settings.append(f"run.by_hand=[{', '.join(by_hand)}]")
+        if manual_nodes:
+            settings.append(f"run.manual_nodes=[{', '.join(manual_nodes)}]")
         self.scenario_file = base / "scenario.yaml"
         if isinstance(scenario, Scenario):
             self.scenario_file.write_text(format_scenario(scenario), encoding="utf-8")
@@ -169,7 +169,7 @@ class Platoon:
             self._output,
             self._errors,
         )
-        for node, command in self._by_hand.items():
+        for node, command in self._manual_nodes.items():
             if command:
                 self.start(node, command)
 
@@ -201,7 +201,7 @@ class Platoon:
         return self._run(node, arguments, log, log)
 
     def output_of(self, node: str) -> str:
-        """Return what a node started by hand has printed."""
+        """Return what a node started manually has printed."""
         return self._output.with_name(f"{node.replace('/', '_')}.txt").read_text()
 
     def wait_state(self, state: str, timeout: float = PATIENCE) -> None:

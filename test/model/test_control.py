@@ -14,7 +14,7 @@ gains = st.builds(
 motions = st.tuples(numbers, numbers, numbers, numbers, numbers)
 
 
-def test_a_command_worked_out_by_hand():
+def test_a_command_worked_out_manually():
     law = ConstantTimeHeadway(Gains(1.0, 0.5, 0.25, 0.125), standstill_distance=5.0)
     # delta = -30 - 0 + 5 + 1 * 27 = 2; u = 0.5 * 3 - 0.25 * (27 - 25) - 0.125 * 2
     assert law.spacing_error(-30.0, 27.0, 0.0) == 2.0

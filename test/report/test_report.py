@@ -253,7 +253,7 @@ CHANGED = {
     "run.real_time_factor": 2.5,
     "run.hosts": 2,
     "run.spawn": False,
-    "run.by_hand": ("vehicle_4/vehicle", "vehicle_5/noise_relay"),
+    "run.manual_nodes": ("vehicle_4/vehicle", "vehicle_5/noise_relay"),
     "run.window": 63,
     "run.start_timeout": 31.5,
     "run.stall_timeout": 11.5,

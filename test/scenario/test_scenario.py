@@ -329,7 +329,7 @@ common_values = st.fixed_dictionaries(
         "run.seed": st.integers(0, 2**63 - 1),
         "run.hosts": st.sampled_from(["auto", "per_node", 1, 7]),
         "run.spawn": st.booleans(),
-        "run.by_hand": st.sampled_from([["vehicle_3/vehicle"], ["vehicle_0/leader"], []]),
+        "run.manual_nodes": st.sampled_from([["vehicle_3/vehicle"], ["vehicle_0/leader"], []]),
         "record.directory": st.sampled_from(["", "runs/x", "a b: c", "#1", "true", "12"]),
     },
 )
@@ -354,3 +354,10 @@ def test_every_default_is_within_its_own_range():
         if row.default != ():
             assert row.check(row.default, "table") == row.default
     assert math.isclose(20.0 * math.log10(Scenario().v2v.rho), 13.979, abs_tol=1e-3)
+
+
+def test_a_former_name_is_still_read_and_not_beside_the_new_one():
+    text = document("{platoon: {followers: 3}, run: {by_hand: [vehicle_3/vehicle]}}")
+    assert parse_scenario(text, "old.yaml").run.manual_nodes == ("vehicle_3/vehicle",)
+    both = document("{run: {by_hand: [vehicle_3/vehicle], manual_nodes: [vehicle_2/vehicle]}}")
+    assert "run.by_hand is the former name of run.manual_nodes" in refusal(both)

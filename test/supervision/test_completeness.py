@@ -33,6 +33,8 @@ def test_what_a_vehicle_publishes_when_asked_belongs_to_the_run() -> None:
     assert {"/platoon/vehicle_1/command", "/platoon/vehicle_1/spacing_error"} < names
 
 
-def test_no_host_is_planned_when_every_node_is_started_by_hand(tmp_path) -> None:
-    scenario = Scenario.from_values({"platoon.followers": 2, "run.by_hand": NODES}, None, "test")
+def test_no_host_is_planned_when_every_node_is_started_manually(tmp_path) -> None:
+    scenario = Scenario.from_values(
+        {"platoon.followers": 2, "run.manual_nodes": NODES}, None, "test"
+    )
     assert plan_hosts(scenario, tmp_path, "run") == []

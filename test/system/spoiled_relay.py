@@ -1,4 +1,4 @@
-"""A noise relay started by hand whose channel yields NaN at sample 100."""
+"""A noise relay started manually whose channel yields NaN at sample 100."""
 
 import math
 import sys

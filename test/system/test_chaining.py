@@ -48,11 +48,11 @@ def test_six_and_six_are_twelve(platoon: Start) -> None:
     assert rear.result().digest == again
 
 
-def test_a_recorded_leader_may_be_started_by_hand(platoon: Start) -> None:
+def test_a_recorded_leader_may_be_started_manually(platoon: Start) -> None:
     front = finished(platoon(*SHORT, "run.duration=3", "platoon.followers=2"))
     settings = ("run.duration=3", "platoon.followers=1", "platoon.first_follower=2")
     source = ("leader.profile=bag", f"leader.file={front.folder.path}", "leader.vehicle=1")
-    rear = platoon(*settings, *source, "run.by_hand=[vehicle_1/leader]")
+    rear = platoon(*settings, *source, "run.manual_nodes=[vehicle_1/leader]")
     rear.start("vehicle_1/leader")
     finished(rear)
     before, after = topic_hashes(front.folder.bag), topic_hashes(rear.folder.bag)

@@ -73,7 +73,7 @@ def test_a_misplaced_node_says_so_in_one_line_and_ends(workspace):
     assert "vehicle_<i>" in line
 
 
-PLATOON_BY_HAND = """
+MANUAL_PLATOON = """
 nodes="$1"; shift
 "$nodes/leader" --ros-args -r __ns:=/platoon/vehicle_0 "$@" &
 "$nodes/noise_relay" --ros-args -r __ns:=/platoon/vehicle_1 "$@" -p record:=parts &
@@ -104,7 +104,7 @@ def test_a_platoon_started_by_hand_from_the_installed_executables(workspace):
     with own_domain() as domain:
         run = in_workspace(
             workspace,
-            *("bash", "-c", PLATOON_BY_HAND, "by_hand", str(nodes), *arguments),
+            *("bash", "-c", MANUAL_PLATOON, "manual_nodes", str(nodes), *arguments),
             ROS_DOMAIN_ID=str(domain),
             ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST",
         )

@@ -44,7 +44,7 @@ def test_a_killed_node_ends_the_run(platoon: Start, node: str) -> None:
 
 
 def test_a_killed_node_that_was_started_by_hand_ends_the_run(platoon: Start) -> None:
-    settings = (*SMALL, "run.stall_timeout=2", "run.by_hand=[vehicle_2/vehicle]")
+    settings = (*SMALL, "run.stall_timeout=2", "run.manual_nodes=[vehicle_2/vehicle]")
     run = platoon(*settings)
     run.start("vehicle_2/vehicle")
     run.wait_sample(200)
@@ -108,7 +108,7 @@ def test_a_terminated_host_ends_the_run_in_good_order(platoon: Start) -> None:
 
 
 def test_a_node_that_never_appears_is_named(platoon: Start) -> None:
-    run = platoon(*SMALL, "run.by_hand=[vehicle_2/noise_relay]", "run.start_timeout=4")
+    run = platoon(*SMALL, "run.manual_nodes=[vehicle_2/noise_relay]", "run.start_timeout=4")
     result = run.result(timeout=20)
     assert result.exit_code == 1
     assert "vehicle_2/noise_relay" in result.message
@@ -193,7 +193,7 @@ def test_a_strange_message_ends_the_run_by_name(
     ],
 )
 def test_a_node_with_other_parameters_is_named(platoon: Start, node: str, parameter: str) -> None:
-    run = platoon(*SMALL, f"run.by_hand=[{node}]")
+    run = platoon(*SMALL, f"run.manual_nodes=[{node}]")
     run.start(node, parameters=[parameter])
     result = run.result(timeout=30)
     assert result.exit_code == 1
@@ -202,7 +202,7 @@ def test_a_node_with_other_parameters_is_named(platoon: Start, node: str, parame
 
 def test_nan_on_a_topic_is_named(platoon: Start) -> None:
     relay = [sys.executable, str(Path(__file__).with_name("spoiled_relay.py"))]
-    run = platoon(*SMALL, by_hand={"vehicle_2/noise_relay": relay})
+    run = platoon(*SMALL, manual_nodes={"vehicle_2/noise_relay": relay})
     result = run.result(timeout=20)
     assert result.exit_code == 1
     assert "vehicle_2" in result.message

@@ -10,7 +10,7 @@ from cacc_platoon.testing import Platoon
 
 def test_every_vehicle_has_a_box_where_it_is(platoon: Callable[..., Platoon]) -> None:
     settings = ("run.duration=10", "platoon.followers=3", "run.real_time_factor=4")
-    run = platoon(*settings, "run.by_hand=[vehicle_1/noise_relay]")
+    run = platoon(*settings, "run.manual_nodes=[vehicle_1/noise_relay]")
     seen: list[MarkerArray] = []
     run.subscribe(MarkerArray, "/platoon/markers", seen.append)
     run.start("markers")

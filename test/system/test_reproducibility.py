@@ -113,7 +113,7 @@ def test_the_pace_does_not_matter(platoon: Start) -> None:
     assert result.info["real_time_factor"] == pytest.approx(2.0, rel=0.1)
 
 
-def test_nodes_started_by_hand_in_any_order(platoon: Start) -> None:
+def test_nodes_started_manually_in_any_order(platoon: Start) -> None:
     settings = ("run.duration=5", "platoon.followers=3")
     run = platoon(*settings, "run.spawn=false")
     nodes = list(run.scenario.node_names)
@@ -140,7 +140,7 @@ def test_nodes_by_hand_may_record_themselves(platoon: Start, tmp_path: Path) -> 
 
 def test_what_is_asked_for_is_recorded_of_nodes_by_hand_too(platoon: Start) -> None:
     settings = ("run.duration=3", "platoon.followers=2", "record.command=true")
-    run = platoon(*settings, "run.by_hand=[vehicle_2/vehicle]")
+    run = platoon(*settings, "run.manual_nodes=[vehicle_2/vehicle]")
     run.start("vehicle_2/vehicle")
     result = run.result()
     assert result.info["messages"]["/platoon/vehicle_1/command"] == 301
@@ -164,7 +164,7 @@ def test_a_gain_of_one_vehicle_changes_what_is_downstream(platoon: Start) -> Non
 
 
 def test_an_outside_subscriber_sees_the_same_bits(platoon: Start, tmp_path: Path) -> None:
-    settings = ("run.duration=10", "run.by_hand=[vehicle_1/noise_relay]")
+    settings = ("run.duration=10", "run.manual_nodes=[vehicle_1/noise_relay]")
     run = platoon(*settings, "run.real_time_factor=2", hosts=2)
     listening, heard = tmp_path / "listening", tmp_path / "heard"
     command = [sys.executable, str(LISTENER), "12", "1001", str(listening), str(heard)]

@@ -55,7 +55,7 @@ def assert_refused(done: "subprocess.CompletedProcess[str]", *words: str) -> Non
         ("vehicle.tau=[0.5, 0.4]", ("2 values for 12 followers",)),
         ("run.step=0.0100000001", ("whole number of nanoseconds",)),
         ("run.hosts=many", ("auto, per_node or a whole number",)),
-        ("run.by_hand=[vehicle_13/vehicle]", ("no node of this platoon",)),
+        ("run.manual_nodes=[vehicle_13/vehicle]", ("no node of this platoon",)),
         ("leader.profile=csv", ("must name a file",)),
         ("vehicle_13.controller.k_v=1", ("followers 1 to 12",)),
         ("no_equals_sign", ("key=value",)),
