@@ -1,10 +1,22 @@
-"""Names and types of every topic of a platoon; the one place where they are written."""
+"""Names and types of every topic of a platoon, and who publishes and subscribes to which."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
+from cacc_platoon.model import Topology
 from cacc_platoon.scenario import Scenario
+from cacc_platoon.scenario.names import (
+    NodeKind,
+    NodeName,
+    host_name,
+    host_of,
+    split_vehicle,
+    vehicle_name,
+)
 from msg_adapters.stamped import ACCEL, POSE, TWIST, VECTOR, Kind, StampedCodec
 
 
@@ -22,7 +34,7 @@ class Topic(NamedTuple):
 
 
 class VehicleTopics:
-    """The topics of vehicle `index` (0 is the leader) under a platoon's `prefix`.
+    """The topics of vehicle `index` under a platoon's `prefix`.
 
     Examples
     --------
@@ -31,47 +43,181 @@ class VehicleTopics:
     """
 
     def __init__(self, prefix: str, index: int) -> None:
-        self.namespace = f"{prefix}/vehicle_{index}"
-        body = f"vehicle_{index}/base_link"
+        self.namespace = f"{prefix}/{vehicle_name(index)}"
+        body = _body(index)
         self.pose = Topic(f"{self.namespace}/pose", POSE, "map")
         self.twist = Topic(f"{self.namespace}/twist", TWIST, body)
         self.accel = Topic(f"{self.namespace}/accel", ACCEL, body)
-        self.received = Topic(
-            f"{self.namespace}/v2v/accel", ACCEL, f"vehicle_{index - 1}/base_link"
-        )
-        self.complete = f"{self.namespace}/v2v/complete"
+        self.received = Topic(f"{self.namespace}/v2v/accel", ACCEL, _body(index - 1))
+        self.complete = Topic(f"{self.namespace}/v2v/complete", VECTOR, body)
         self.command = Topic(f"{self.namespace}/command", ACCEL, body)
         self.spacing_error = Topic(f"{self.namespace}/spacing_error", VECTOR, body)
+
+    @property
+    def motion(self) -> tuple[Topic, Topic, Topic]:
+        """Pose, twist and accel."""
+        return self.pose, self.twist, self.accel
+
+
+def _body(index: int) -> str:
+    return f"{vehicle_name(index)}/base_link"
 
 
 class PlatoonTopics:
     """The topics that belong to a platoon as a whole."""
 
     def __init__(self, prefix: str) -> None:
+        self.prefix = prefix
         self.horizon = f"{prefix}/horizon"
         self.status = f"{prefix}/status"
         self.scenario = f"{prefix}/scenario"
         self.host_state = f"{prefix}/host_state"
 
+    def recorded(self, host: str) -> str:
+        """Return the topic on which the recorder of a host publishes its progress."""
+        return f"{self.prefix}/{host_name(host)}/recorded"
 
-def digest_topics(prefix: str, followers: int, first: int = 1) -> list[Topic]:
-    """Return the topics that make up a run: pose, twist and accel of all, v2v/accel of followers.
+    def host_recorded(self, topic: str) -> str | None:
+        """Return the host of such a topic, None for any other topic."""
+        name, _, last = topic.removeprefix(f"{self.prefix}/").partition("/")
+        return host_of(name) if last == "recorded" else None
 
-    `first` is the index of the first follower; the leader has the one before.
+
+class Role(NamedTuple):
+    """What a topic means: a quantity of a vehicle.
+
+    Attributes
+    ----------
+    quantity : str
+        "pose", "twist", "accel" or "received".
+    vehicle : int
+        Its index, 0 for the leader unless it leads a chained run.
     """
-    topics: list[Topic] = []
-    for index in range(first - 1, first + followers):
-        vehicle = VehicleTopics(prefix, index)
-        topics += [vehicle.pose, vehicle.twist, vehicle.accel]
-        if index >= first:
-            topics.append(vehicle.received)
-    return topics
+
+    quantity: str
+    vehicle: int
 
 
-def run_topics(scenario: Scenario) -> list[Topic]:
-    """Return the topics that make up a run of the scenario."""
-    platoon = scenario.platoon
-    return digest_topics(platoon.namespace, platoon.followers, platoon.first_follower)
+_QUANTITIES = {"pose": "pose", "twist": "twist", "accel": "accel", "v2v/accel": "received"}
+
+
+def role_of(topic: str) -> tuple[str, Role] | None:
+    """Return the prefix and the role of a topic's name; None when it has none in a platoon.
+
+    Examples
+    --------
+    >>> role_of("/platoon/vehicle_3/v2v/accel")
+    ('/platoon', Role(quantity='received', vehicle=3))
+    """
+    found = split_vehicle(topic)
+    if found is None or found[2] not in _QUANTITIES:
+        return None
+    prefix, index, rest = found
+    return prefix, Role(_QUANTITIES[rest], index)
+
+
+class NodeTopics(NamedTuple):
+    """The data topics of one node."""
+
+    publishes: tuple[Topic, ...]
+    subscribes: tuple[Topic, ...]
+
+
+@dataclass(frozen=True)
+class Graph:
+    """The nodes of a platoon and the topics between them.
+
+    Attributes
+    ----------
+    prefix : str
+        The platoon's namespace.
+    topology : Topology
+        Who hears whom.
+    counted : frozenset of int
+        Followers whose relay counts its messages, because its channel may lose or delay them.
+    command, spacing_error : bool
+        Whether vehicles publish these too.
+
+    Examples
+    --------
+    >>> graph = Graph.of(Scenario.from_values({"platoon.followers": 1}))
+    >>> [topic.name for topic in graph.nodes[NodeName(NodeKind.NOISE_RELAY, 1)].publishes]
+    ['/platoon/vehicle_1/v2v/accel']
+    """
+
+    prefix: str
+    topology: Topology
+    counted: frozenset[int] = frozenset()
+    command: bool = False
+    spacing_error: bool = False
+
+    @classmethod
+    def of(cls, scenario: Scenario) -> Graph:
+        """Return the graph of a scenario."""
+        record = scenario.record
+        return cls(
+            scenario.platoon.namespace,
+            scenario.topology,
+            frozenset(follower.index for follower in scenario.followers if follower.counted),
+            record.command,
+            record.spacing_error,
+        )
+
+    @cached_property
+    def vehicles(self) -> Mapping[int, VehicleTopics]:
+        """The topics of each vehicle, the leader's first."""
+        followers = self.topology.followers
+        indices = range(followers.start - 1, followers.stop)
+        return {index: VehicleTopics(self.prefix, index) for index in indices}
+
+    @cached_property
+    def platoon(self) -> PlatoonTopics:
+        """The topics of the platoon as a whole."""
+        return PlatoonTopics(self.prefix)
+
+    @cached_property
+    def nodes(self) -> Mapping[NodeName, NodeTopics]:
+        """The data topics of every node, from front to rear."""
+        leader = self.topology.followers.start - 1
+        found = {NodeName(NodeKind.LEADER, leader): NodeTopics(self.vehicles[leader].motion, ())}
+        for index in self.topology.followers:
+            found[NodeName(NodeKind.VEHICLE, index)] = self._vehicle(index)
+            found[NodeName(NodeKind.NOISE_RELAY, index)] = self._relay(index)
+        return found
+
+    @cached_property
+    def roles(self) -> Mapping[Role, Topic]:
+        """The topics that make up a run, and its digest: motion of all, v2v/accel of followers."""
+        roles: dict[Role, Topic] = {}
+        for index, vehicle in self.vehicles.items():
+            for quantity, topic in zip(("pose", "twist", "accel"), vehicle.motion, strict=True):
+                roles[Role(quantity, index)] = topic
+            if index in self.topology.followers:
+                roles[Role("received", index)] = vehicle.received
+        return roles
+
+    @property
+    def run_topics(self) -> list[Topic]:
+        """The topics that make up a run."""
+        return list(self.roles.values())
+
+    @property
+    def recorded(self) -> list[Topic]:
+        """Every topic that the bag of a run has to hold."""
+        return [topic for node in self.nodes.values() for topic in node.publishes]
+
+    def _vehicle(self, index: int) -> NodeTopics:
+        own, ahead = self.vehicles[index], self.vehicles[index - 1]
+        asked = ((self.command, own.command), (self.spacing_error, own.spacing_error))
+        publishes = (*own.motion, *(topic for wanted, topic in asked if wanted))
+        counts = (own.complete,) if index in self.counted else ()
+        return NodeTopics(publishes, (ahead.pose, ahead.twist, own.received, *counts))
+
+    def _relay(self, index: int) -> NodeTopics:
+        own = self.vehicles[index]
+        counts = (own.complete,) if index in self.counted else ()
+        senders = (self.vehicles[link.sender].accel for link in self.topology.links_to(index))
+        return NodeTopics((own.received, *counts), tuple(senders))
 
 
 OUTSIDE_LAG = 500

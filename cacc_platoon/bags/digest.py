@@ -8,20 +8,20 @@ from collections.abc import Iterable
 import numpy as np
 
 from cacc_platoon.bags.rows import Recording, TopicRows
-from msg_adapters.topics import digest_topics
+from msg_adapters.topics import Graph
 
 
-def digest(recording: Recording, prefix: str, followers: int, first: int = 1) -> str:
-    """Return the SHA-256 over pose, twist, accel and v2v/accel of all vehicles.
+def run_digest(recording: Recording, graph: Graph) -> str:
+    """Return the digest of a run: over pose, twist, accel and v2v/accel of all its vehicles."""
+    return digest_of(recording, [topic.name for topic in graph.run_topics])
+
+
+def digest_of(recording: Recording, names: Iterable[str]) -> str:
+    """Return the SHA-256 over some topics of a recording.
 
     Each topic is hashed over its messages in stamp order; the digest is the hash of the lines
     `<topic> <hash>`, sorted by topic. Two runs agree to the last bit exactly when their digests do.
     """
-    return digest_of(recording, [topic.name for topic in digest_topics(prefix, followers, first)])
-
-
-def digest_of(recording: Recording, names: Iterable[str]) -> str:
-    """Return the SHA-256 over some topics of a recording, made as that of a run."""
     lines = sorted(
         f"{name} {topic_digest(recording[name])}\n" for name in names if name in recording
     )

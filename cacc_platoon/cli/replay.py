@@ -21,6 +21,7 @@ from cacc_platoon.cli.progress import ProgressLine
 from cacc_platoon.cli.ros import prepare_nodes, require_ros
 from cacc_platoon.dds.domain import own_domain
 from cacc_platoon.errors import UserError
+from cacc_platoon.scenario.names import vehicle_name
 from cacc_platoon.stop_signal import StopSignal
 
 if TYPE_CHECKING:
@@ -191,7 +192,7 @@ def _what_if_lines(record: NodeRecord, answer: WhatIf, settings: list[str]) -> l
         ("peak |acceleration| [m/s^2]", before.max_abs_acceleration, after.max_abs_acceleration),
     ]
     return [
-        f"vehicle_{record.index} with {', '.join(settings)}, given what it was given"
+        f"{vehicle_name(record.index)} with {', '.join(settings)}, given what it was given"
         f"{_until(record)}",
         f"  {'':27} {'recorded':>12} {'replayed':>12}",
         *(f"  {name:27} {old:12.6f} {new:12.6f}" for name, old, new in rows),

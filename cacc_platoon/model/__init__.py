@@ -20,6 +20,7 @@ from cacc_platoon.model.leader import (
     speed_profile,
     step_profile,
 )
+from cacc_platoon.model.topology import Link, Topology
 from cacc_platoon.model.vehicle import State, ThirdOrderPlant
 
 __all__ = [
@@ -31,11 +32,13 @@ __all__ = [
     "FactorStream",
     "Gains",
     "LeaderProfile",
+    "Link",
     "PiecewiseConstantAcceleration",
     "RecordedMotion",
     "SinePulse",
     "State",
     "ThirdOrderPlant",
+    "Topology",
     "brake_profile",
     "expected_factor",
     "factor_variance",

@@ -10,6 +10,7 @@ from rclpy.node import Node
 
 from cacc_platoon.nodes import qos, ros_parameters
 from cacc_platoon.scenario import Scenario
+from cacc_platoon.scenario.names import NodeKind, NodeName
 from cacc_platoon.stepping.lockstep import LockstepError
 from msg_adapters.stamped import ACCEL, POSE, TWIST, VECTOR, LayoutError
 from msg_adapters.topics import Topic, VehicleTopics
@@ -54,7 +55,7 @@ class PlatoonNode(Node):  # type: ignore[misc]
             super().__init__(name, automatically_declare_parameters_from_overrides=True)
             index = ros_parameters.vehicle_index(self.get_namespace(), name)
             scenario = ros_parameters.scenario_of(self, RECORD_PARAMETER)
-            ros_parameters.refuse_unknown_node(scenario, f"vehicle_{index}/{name}")
+            ros_parameters.refuse_unknown_node(scenario, str(NodeName(NodeKind(name), index)))
         else:
             namespace = VehicleTopics(scenario.platoon.namespace, index).namespace
             super().__init__(name, namespace=namespace, use_global_arguments=False)

@@ -13,6 +13,7 @@ from cacc_platoon.nodes import qos
 from cacc_platoon.nodes.node import MESSAGE_TYPES
 from cacc_platoon.runs.parts import PartWriter
 from cacc_platoon.scenario import Scenario
+from cacc_platoon.scenario.names import host_name
 from msg_adapters.stamped import SECOND
 from msg_adapters.topics import Topic
 
@@ -35,7 +36,7 @@ class RecorderNode(Node):  # type: ignore[misc]
     """
 
     def __init__(self, scenario: Scenario, host: str, topics: list[Topic], folder: Path) -> None:
-        namespace = f"{scenario.platoon.namespace}/host_{host}"
+        namespace = f"{scenario.platoon.namespace}/{host_name(host)}"
         super().__init__("recorder", namespace=namespace, use_global_arguments=False)
         self.folder = folder.absolute()
         self.failures: list[str] = []

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -15,6 +14,7 @@ from rclpy.parameter import Parameter as RosParameter
 
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import parameter_files
+from cacc_platoon.scenario.names import split_vehicle
 from cacc_platoon.scenario.parameter import Parameter, ScenarioError, refuse_unknown
 from cacc_platoon.scenario.table import FORMER_NAMES, SNR_DB, TABLE
 
@@ -133,7 +133,8 @@ def refuse_unknown_node(scenario: Scenario, node: str) -> None:
 
 def namespace_prefix(namespace: str) -> str:
     """Return the platoon's prefix of a vehicle's namespace."""
-    return re.sub(r"/vehicle_\d+$", "", namespace) or "/"
+    found = split_vehicle(namespace)
+    return found[0] if found and not found[2] else namespace
 
 
 def vehicle_index(namespace: str, executable: str) -> int:
@@ -144,13 +145,13 @@ def vehicle_index(namespace: str, executable: str) -> int:
     ScenarioError
         When the namespace does not end in vehicle_<i>.
     """
-    match = re.fullmatch(r".+/vehicle_(\d+)", namespace)
-    if match is None:
+    found = split_vehicle(namespace)
+    if found is None or not found[0] or found[2]:
         raise ScenarioError(
             f"{executable}: takes its index from its namespace, but runs in {namespace}. "
             "Add --ros-args -r __ns:=/platoon/vehicle_<i>."
         )
-    return int(match[1])
+    return found[1]
 
 
 def _plain(value: Any) -> Any:

@@ -66,7 +66,7 @@ class VehicleNode(PlatoonNode):
         self.follow_stream(self.topics.received, core.take_acceleration)
         self.create_subscription(
             Int64,
-            self.topics.complete,
+            self.topics.complete.name,
             self.guarded(lambda message: core.take_loss(message.data)),
             qos.stream(self.scenario),
         )

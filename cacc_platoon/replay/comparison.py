@@ -10,6 +10,7 @@ import numpy as np
 from cacc_platoon.bags.raw import Bytes
 from cacc_platoon.replay.node_record import NodeRecord, Stream
 from cacc_platoon.runs.folder import fingerprint, versions
+from cacc_platoon.scenario.names import vehicle_name
 from msg_adapters.topics import Topic
 
 _UNITS = {"PoseStamped": "m", "TwistStamped": "m/s", "AccelStamped": "m/s^2"}
@@ -145,6 +146,6 @@ def possible_causes(record: NodeRecord) -> list[str]:
             causes.append("other versions: " + ", ".join(changed))
     if not run.digest_recorded:
         causes.append("the bag was altered, it carries no digest")
-    node = f"vehicle_{record.index}/{record.node}"
+    node = f"{vehicle_name(record.index)}/{record.node}"
     causes.append(f"the code has changed, or {node} ran with other parameters than its scenario's")
     return causes

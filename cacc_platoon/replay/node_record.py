@@ -16,7 +16,8 @@ from cacc_platoon.errors import UserError
 from cacc_platoon.runs import RecordedRun, read_run
 from cacc_platoon.runs.locate import locate
 from cacc_platoon.scenario import Scenario
-from msg_adapters.topics import Topic, VehicleTopics
+from cacc_platoon.scenario.names import NodeKind, NodeName, vehicle_name
+from msg_adapters.topics import Graph, Topic
 
 NODES = ("vehicle", "noise_relay", "leader")
 
@@ -125,17 +126,18 @@ def read_node(
     if index not in run.scenario.vehicles or (leads and node not in (None, "leader")):
         vehicles = run.scenario.vehicles
         raise UserError(
-            f"{path}: has no {node or 'vehicle'} of vehicle_{index}; vehicle_{vehicles[0]} leads "
-            f"and {vehicles[0] + 1} to {vehicles[-1]} follow. Give one of them with --vehicle."
+            f"{path}: has no {node or 'vehicle'} of {vehicle_name(index)}; "
+            f"{vehicle_name(vehicles[0])} leads and {vehicles[0] + 1} to {vehicles[-1]} follow. "
+            "Give one of them with --vehicle."
         )
     node = node or ("leader" if leads else "vehicle")
     if node == "leader" and not leads:
-        raise UserError(f"{path}: vehicle_{index} does not lead. Give --node vehicle.")
+        raise UserError(f"{path}: {vehicle_name(index)} does not lead. Give --node vehicle.")
     raw = read_bag(bag, progress)
-    prefix, step = run.scenario.platoon.namespace, run.scenario.step_ns
-    heard, said = _topics(node, VehicleTopics(prefix, index), VehicleTopics(prefix, index - 1))
-    inputs = tuple(_stream(raw, topic, node, step) for topic in heard)
-    outputs = tuple(_stream(raw, topic, node, step) for topic in said)
+    step = run.scenario.step_ns
+    topics = Graph.of(run.scenario).nodes[NodeName(NodeKind(node), index)]
+    inputs = tuple(_stream(raw, topic, node, step) for topic in topics.subscribes)
+    outputs = tuple(_stream(raw, topic, node, step) for topic in topics.publishes)
     known = [_known(stream, node) for stream in inputs]
     ahead = 1 if node == "vehicle" else 0  # sample k of the inputs gives sample k + 1
     last = run.scenario.samples
@@ -148,16 +150,6 @@ def read_node(
         if n < last
     ]
     return NodeRecord(run, node, index, inputs, outputs, samples, tuple(notes))
-
-
-def _topics(
-    node: str, own: VehicleTopics, ahead: VehicleTopics
-) -> tuple[tuple[Topic, ...], tuple[Topic, ...]]:
-    """Return what a node hears and says."""
-    if node == "noise_relay":
-        return (ahead.accel,), (own.received,)
-    motion = (own.pose, own.twist, own.accel)
-    return (ahead.pose, ahead.twist, own.received) if node == "vehicle" else (), motion
 
 
 def _stream(raw: RawBag, topic: Topic, node: str, step: int) -> Stream:

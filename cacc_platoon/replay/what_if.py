@@ -14,6 +14,7 @@ from cacc_platoon.figures.style import draw_svg, standalone
 from cacc_platoon.replay.node_record import NodeRecord
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import format_scenario, parse_scenario
+from cacc_platoon.scenario.names import vehicle_name
 
 CHANGEABLE = ("vehicle.", "controller.", "platoon.standstill_distance")
 """Parameters, or beginnings of their names, that a vehicle node reads and a replay may change."""
@@ -70,19 +71,19 @@ def changed_scenario(record: NodeRecord, settings: Iterable[str]) -> Scenario:
     UserError
         For a parameter that the node does not read, or a bad value.
     """
-    own = f"vehicle_{record.index}."
+    own = f"{vehicle_name(record.index)}."
     changes = []
     if record.node != "vehicle":
         raise UserError(
             f"--set: asks what a follower would have done, and "
-            f"vehicle_{record.index}/{record.node} is none. Give a follower with --vehicle."
+            f"{vehicle_name(record.index)}/{record.node} is none. Give a follower with --vehicle."
         )
     for setting in settings:
         name = setting.partition("=")[0].removeprefix(own)
         if not name.startswith(CHANGEABLE):
             readable = ", ".join(f"{key}*" if key.endswith(".") else key for key in CHANGEABLE)
             raise UserError(
-                f"--set {setting}: is nothing that vehicle_{record.index}/vehicle reads, the "
+                f"--set {setting}: is nothing that {vehicle_name(record.index)}/vehicle reads, the "
                 f"replay would not change. Set one of {readable}."
             )
         changes.append(setting if name.startswith("platoon.") else own + setting.removeprefix(own))

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from cacc_platoon.scenario import Scenario
+from cacc_platoon.scenario.names import vehicle_name
 from cacc_platoon.scenario.table import TABLE
 
 UNKNOWN = "-"
@@ -105,7 +106,7 @@ def scenario_table(scenario: Scenario) -> str:
     for index, own in scenario.overrides.items():
         for name, value in own.items():
             rows.append(
-                _parameter(f"vehicle_{index}: {name}", value, TABLE[name].unit, "own value")
+                _parameter(f"{vehicle_name(index)}: {name}", value, TABLE[name].unit, "own value")
             )
     heads = [_heading(text, left=True) for text in ("parameter", "value", "unit", "meaning")]
     return _table(heads, rows)

@@ -23,9 +23,9 @@ from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import format_scenario, load_scenario
 from cacc_platoon.bags.write import write_bag
 from cacc_platoon.bags.rows import Recording
-from cacc_platoon.bags.digest import digest_of
+from cacc_platoon.bags.digest import run_digest
 from cacc_platoon.runs.parts import read_parts
-from msg_adapters.topics import PlatoonTopics, queue_depth, run_topics
+from msg_adapters.topics import Graph, PlatoonTopics, queue_depth
 
 SCENARIO_FILE = "scenario.yaml"
 INFO_FILE = "run.json"
@@ -109,7 +109,7 @@ class RunFolder:
             Called now and then with the sample written and the number of samples.
         """
         prefix = scenario.platoon.namespace
-        run_digest = digest_of(recording, [topic.name for topic in run_topics(scenario)])
+        digest = run_digest(recording, Graph.of(scenario))
         shutil.rmtree(self.path / UNFINISHED, ignore_errors=True)
         write_bag(
             self.path / UNFINISHED / BAG,
@@ -118,14 +118,14 @@ class RunFolder:
             depth=queue_depth(scenario.run.window, scenario.platoon.followers),
             scenario_topic=PlatoonTopics(prefix).scenario,
             scenario_text=format_scenario(scenario),
-            custom_data={"digest": run_digest, "cacc_platoon": __version__},
+            custom_data={"digest": digest, "cacc_platoon": __version__},
             progress=progress,
         )
         (self.path / UNFINISHED / BAG).rename(self.bag)
         (self.path / UNFINISHED).rmdir()
         document = {
             **info,
-            "digest": run_digest,
+            "digest": digest,
             "messages": {name: len(record.messages) for name, record in sorted(recording.items())},
             "seed": scenario.run.seed,
             "versions": versions(),
@@ -138,7 +138,7 @@ class RunFolder:
 
 def _refuse_full_disk(path: Path, scenario: Scenario) -> None:
     """Raise UserError, and remove the folder, when the run cannot fit on its disk."""
-    needed = len(run_topics(scenario)) * scenario.samples * BYTES_PER_MESSAGE
+    needed = len(Graph.of(scenario).recorded) * scenario.samples * BYTES_PER_MESSAGE
     free = shutil.disk_usage(path).free
     if free < needed:
         shutil.rmtree(path)

@@ -6,7 +6,6 @@ A platoon can so be grown piece by piece: run 6 vehicles, then let number 6 lead
 from __future__ import annotations
 
 import dataclasses
-import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
@@ -16,13 +15,14 @@ import numpy.typing as npt
 from cacc_platoon.errors import UserError
 from cacc_platoon.model import RecordedMotion
 from cacc_platoon.scenario import Scenario
+from cacc_platoon.scenario.names import vehicle_index, vehicle_name
 from cacc_platoon.bags.decode import rows_in_stamp_order
 from cacc_platoon.bags.raw import RawTopic
 from cacc_platoon.bags.read import read_bag
 from cacc_platoon.bags.rows import Recording, TopicRows
 from cacc_platoon.bags.digest import digest_of
 from msg_adapters.stamped import SECOND
-from msg_adapters.topics import Topic, VehicleTopics
+from msg_adapters.topics import Topic, VehicleTopics, role_of
 
 
 def with_recorded_leader(scenario: Scenario) -> Scenario:
@@ -41,7 +41,7 @@ def with_recorded_leader(scenario: Scenario) -> Scenario:
         return scenario
     bag = read_bag(_locate(scenario)).topics
     vehicle = _recorded_vehicle(bag, scenario)
-    topics = (vehicle.pose, vehicle.twist, vehicle.accel)
+    topics = vehicle.motion
     recording = _rows(bag, topics)
     for topic in topics:
         _check_grid(topic, recording, scenario)
@@ -55,7 +55,8 @@ def with_recorded_leader(scenario: Scenario) -> Scenario:
         )
     columns = [topic.codec.values(recording[topic.name].messages) for topic in topics]
     _check_start(scenario, *columns)
-    number = int(vehicle.namespace.rpartition("_")[2])
+    number = vehicle_index(vehicle.namespace.rpartition("/")[2])
+    assert number is not None
     return dataclasses.replace(
         scenario,
         leader=dataclasses.replace(leader, vehicle=number, digest=found),
@@ -72,7 +73,7 @@ def _locate(scenario: Scenario) -> Path:
     path = Path(scenario.leader.file)
     if not path.exists():
         digest = scenario.leader.digest
-        known = f" (vehicle_{scenario.leader.vehicle}, digest {digest[:12]})" if digest else ""
+        known = f" ({vehicle_name(scenario.leader.vehicle)}, digest {digest[:12]})" if digest else ""
         raise _refusal(
             scenario,
             f"is not there, and only it holds the leader's motion{known}. Put it back or name "
@@ -99,8 +100,9 @@ def _recorded_vehicle(bag: Iterable[str], scenario: Scenario) -> VehicleTopics:
     """
     vehicles: dict[str, list[int]] = {}
     for name in bag:
-        if match := re.fullmatch(r"(.*)/vehicle_(\d{1,4})/pose", name):
-            vehicles.setdefault(match[1], []).append(int(match[2]))
+        found = role_of(name)
+        if found and found[1].quantity == "pose":
+            vehicles.setdefault(found[0], []).append(found[1].vehicle)
     prefix = scenario.platoon.namespace
     if prefix not in vehicles:
         if len(vehicles) != 1:

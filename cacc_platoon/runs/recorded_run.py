@@ -18,7 +18,7 @@ from cacc_platoon.runs.recorded_scenario import (
     fit_to_topics,
     recorded_scenario,
 )
-from cacc_platoon.runs.find_platoons import FoundPlatoon, Role, expected_topics, find_platoons
+from cacc_platoon.runs.find_platoons import FoundPlatoon, find_platoons
 from cacc_platoon.bags.raw import BagError, Progress, one_line
 from cacc_platoon.bags.decode import Floats, Signal, decode, rows_in_stamp_order
 from cacc_platoon.model import RecordedMotion
@@ -27,7 +27,7 @@ from cacc_platoon.scenario import Scenario
 from cacc_platoon.simulation import Trajectory
 from cacc_platoon.bags.rows import TopicRows
 from cacc_platoon.bags.digest import digest_of
-from msg_adapters.topics import Topic
+from msg_adapters.topics import Graph, Role, Topic
 
 _NAMED_TOPICS = 3
 
@@ -108,7 +108,7 @@ def read_run(
     platoon = _choose(platoons, bag, namespace, scenario or recorded_scenario(raw, None, None, []))
     notes += _other_platoons(platoons, platoon, raw)
     scenario = _scenario(raw, platoon, folder, scenario, notes)
-    topics = expected_topics(platoon.prefix, scenario.indices)
+    topics = Graph.of(scenario).roles
     signals, faults = _decode_all(raw, topics, notes)
     if not any(len(signal.stamps) for signal in signals.values()):
         raise BagError(f"{bag}: no message of {platoon.prefix} can be read. Give another bag.")

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from cacc_platoon.bags.rows import Recording, TopicRows
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.simulation import Trajectory
-from msg_adapters.topics import Topic, VehicleTopics, run_topics
+from msg_adapters.topics import Graph, Topic
 
 
 def recording_of(trajectory: Trajectory) -> dict[str, TopicRows]:
@@ -21,8 +21,7 @@ def recording_of(trajectory: Trajectory) -> dict[str, TopicRows]:
         messages = topic.codec.encode_many(stamps, values)
         records[topic.name] = TopicRows(topic.kind.type_name, messages)
 
-    for column, index in enumerate(scenario.vehicles):
-        vehicle = VehicleTopics(scenario.platoon.namespace, index)
+    for column, vehicle in enumerate(Graph.of(scenario).vehicles.values()):
         add(vehicle.pose, trajectory.position[:, column])
         add(vehicle.twist, trajectory.velocity[:, column])
         add(vehicle.accel, trajectory.acceleration[:, column])
@@ -39,9 +38,9 @@ def trajectory_of(recording: Recording, scenario: Scenario) -> Trajectory:
     KeyError
         When a topic of the digest is missing.
     """
-    prefix = scenario.platoon.namespace
-    vehicles = [VehicleTopics(prefix, index) for index in scenario.vehicles]
-    samples = min(len(recording[topic.name].messages) for topic in run_topics(scenario))
+    graph = Graph.of(scenario)
+    vehicles = list(graph.vehicles.values())
+    samples = min(len(recording[topic.name].messages) for topic in graph.run_topics)
 
     def column(topic: Topic) -> npt.NDArray[np.float64]:
         return topic.codec.values(recording[topic.name].messages[:samples])

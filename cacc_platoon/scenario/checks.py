@@ -14,6 +14,7 @@ from cacc_platoon.errors import UserError
 from cacc_platoon.model import read_speed_profile
 from cacc_platoon.model.channel import MAX_BITS
 from cacc_platoon.scenario.follower import Follower
+from cacc_platoon.scenario.names import vehicle_name
 from cacc_platoon.scenario.parameter import ScenarioError, refuse_unknown
 from cacc_platoon.scenario.table import FORMER_NAMES, SNR_DB, TABLE, Leader, Platoon, Run, Vehicle
 
@@ -136,12 +137,13 @@ def check_overrides(
         raise TABLE["platoon.first_follower"].refusal(
             indices[0],
             source,
-            f"makes vehicle_{indices[-1]} the last of {len(indices)} followers, beyond {MAX_INDEX}",
+            f"makes {vehicle_name(indices[-1])} the last of {len(indices)} followers, "
+            f"beyond {MAX_INDEX}",
         )
     for index in overrides:
         if index not in indices:
             raise ScenarioError(
-                f"{source}: vehicle_{index} has parameters of its own but the platoon has "
+                f"{source}: {vehicle_name(index)} has parameters of its own but the platoon has "
                 f"followers {indices[0]} to {indices[-1]}; they would be ignored. "
                 "Correct the index."
             )

@@ -14,10 +14,11 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from cacc_platoon.scenario.checks import check_namespace
+from cacc_platoon.scenario.names import vehicle_index, vehicle_name
 from cacc_platoon.scenario.parameter import ScenarioError, nest
 from cacc_platoon.scenario.ros_sections import (
     SECTION,
-    Graph,
+    SectionTargets,
     Values,
     assign,
     read_sections,
@@ -76,7 +77,7 @@ def parse_scenario(
     check_namespace(prefix, source)
     followers = _last(given, "platoon.followers", source)
     first = _last(given, "platoon.first_follower", source)
-    values = assign(sections, Graph(prefix, range(first, first + followers)), source)
+    values = assign(sections, SectionTargets(prefix, range(first, first + followers)), source)
     for name, value in set_values.items():
         _apply_setting(name, value, values)
     scenario = Scenario.from_values(values.common, values.overrides, source, folder)
@@ -98,7 +99,7 @@ def format_scenario(scenario: Scenario) -> str:
     }
     document: dict[str, Any] = {"/**": {SECTION: nest(common)}}
     for index, section in scenario.overrides.items():
-        pattern = f"{scenario.platoon.namespace}/vehicle_{index}/*"
+        pattern = f"{scenario.platoon.namespace}/{vehicle_name(index)}/*"
         document[pattern] = {SECTION: nest(section)}
     buffer = io.StringIO()
     buffer.write(f"# Scenario {scenario.name}\n")
@@ -143,8 +144,9 @@ def _parse_setting(setting: str) -> tuple[str, Any]:
 
 
 def _apply_setting(name: str, value: Any, values: Values) -> None:
-    vehicle = re.match(r"vehicle_(\d+)\.", name)
-    if vehicle:
-        replace(values.overrides.setdefault(int(vehicle[1]), {}), name[vehicle.end() :], value)
+    vehicle, _, own = name.partition(".")
+    index = vehicle_index(vehicle)
+    if index is not None:
+        replace(values.overrides.setdefault(index, {}), own, value)
     else:
         replace(values.common, name, value)

@@ -37,6 +37,11 @@ class Follower:
         """Return the vehicle's control law."""
         return ConstantTimeHeadway(self.gains, self.standstill_distance)
 
+    @property
+    def counted(self) -> bool:
+        """Whether its channel may lose or delay packets, so that its relay counts them."""
+        return False
+
     def channel(self, noise: str | None = None) -> Channel:
         """Return the channel of the link from the predecessor, with its own `noise` by default."""
         v2v = self.v2v

@@ -7,12 +7,17 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
+from cacc_platoon.scenario.names import NodeKind, NodeName, vehicle_index
 from cacc_platoon.scenario.parameter import ScenarioError, flatten
 
 SECTION = "ros__parameters"
-VEHICLE_READERS = {"vehicle": "vehicle", "controller": "vehicle", "v2v": "noise_relay"}
+VEHICLE_READERS = {
+    "vehicle": NodeKind.VEHICLE,
+    "controller": NodeKind.VEHICLE,
+    "v2v": NodeKind.NOISE_RELAY,
+}
 """Parameter groups of which a follower may have values of its own, and the node that reads them."""
-EVERY_READER = ("vehicle", "noise_relay")
+EVERY_READER = (NodeKind.VEHICLE, NodeKind.NOISE_RELAY)
 
 SAME_QUANTITY = ("v2v.rho", "v2v.snr_db")
 
@@ -57,7 +62,7 @@ def read_sections(
             )
 
 
-class Graph(NamedTuple):
+class SectionTargets(NamedTuple):
     """The nodes that a section can be for: the platoon's namespace and its followers' indices."""
 
     prefix: str
@@ -66,27 +71,29 @@ class Graph(NamedTuple):
     @property
     def leader(self) -> str:
         """The leader's node, which drives ahead of the first follower."""
-        return f"{self.prefix}/vehicle_{self.followers[0] - 1}/leader"
+        return f"{self.prefix}/{NodeName(NodeKind.LEADER, self.followers[0] - 1)}"
 
-    def vehicles_matching(self, pattern: str, nodes: tuple[str, ...]) -> list[int]:
+    def vehicles_matching(self, pattern: str, nodes: tuple[NodeKind, ...]) -> list[int]:
         """Return the vehicles one of whose `nodes` the pattern is for, with any that it names."""
-        named = re.search(r"/vehicle_(\d+)(?=/|$)", pattern)
-        candidates = [int(named[1])] if named else self.followers
+        named = [index for part in pattern.split("/") if (index := vehicle_index(part)) is not None]
+        candidates = named[:1] or self.followers
         return [
             index
             for index in candidates
-            if any(_matches(pattern, f"{self.prefix}/vehicle_{index}/{node}") for node in nodes)
+            if any(_matches(pattern, f"{self.prefix}/{NodeName(node, index)}") for node in nodes)
         ]
 
 
-def assign(sections: list[tuple[str, dict[str, Any]]], graph: Graph, source: str) -> Values:
+def assign(
+    sections: list[tuple[str, dict[str, Any]]], graph: SectionTargets, source: str
+) -> Values:
     """Give every value to the nodes that would read it; a later section replaces an earlier one.
 
     Parameters
     ----------
     sections : list of (str, dict)
         Node name patterns with their parameters, in file order.
-    graph : Graph
+    graph : SectionTargets
         The nodes there are.
     source : str
         Begins the error line.
@@ -114,7 +121,7 @@ def replace(target: dict[str, Any], name: str, value: Any) -> None:
     target[name] = value
 
 
-def _assign_one(values: Values, pattern: str, graph: Graph, name: str, value: Any) -> bool:
+def _assign_one(values: Values, pattern: str, graph: SectionTargets, name: str, value: Any) -> bool:
     """Give one value to its readers; whether there are any."""
     group = name.partition(".")[0]
     common = _matches(pattern, f"{graph.prefix}/supervisor")

@@ -15,6 +15,7 @@ from cacc_platoon.model import (
     PiecewiseConstantAcceleration,
     RecordedMotion,
     SinePulse,
+    Topology,
     brake_profile,
     speed_profile,
     step_profile,
@@ -29,6 +30,7 @@ from cacc_platoon.scenario.checks import (
     with_leader_file,
 )
 from cacc_platoon.scenario.follower import Follower
+from cacc_platoon.scenario.names import NodeKind, NodeName, vehicle_name
 from cacc_platoon.scenario.table import (
     GROUPS,
     TABLE,
@@ -94,7 +96,7 @@ class Scenario:
         """
         common = checked_values(values, source)
         own = {
-            index: checked_values(section, f"{source}: vehicle_{index}", per_vehicle=True)
+            index: checked_values(section, f"{source}: {vehicle_name(index)}", per_vehicle=True)
             for index, section in sorted((overrides or {}).items())
         }
         groups = {
@@ -119,7 +121,7 @@ class Scenario:
         check_leader(self.platoon, self.leader, source)
         check_overrides(self.overrides, self.indices, self.vehicle, source)
         for follower in self.followers:
-            where = f"vehicle_{follower.index}: " if follower.index in self.overrides else ""
+            where = f"{vehicle_name(follower.index)}: " if follower.index in self.overrides else ""
             check_follower(follower, self.run.step, f"{source}: {where}".rstrip(": "))
 
     def values(self) -> dict[str, Any]:
@@ -165,12 +167,22 @@ class Scenario:
         return [self.follower(index) for index in self.indices]
 
     @property
-    def node_names(self) -> list[str]:
-        """The nodes that make up the platoon, relative to its namespace."""
-        names = [f"vehicle_{self.leader_index}/leader"]
+    def topology(self) -> Topology:
+        """Who hears whom."""
+        return Topology(self.indices)
+
+    @property
+    def nodes(self) -> list[NodeName]:
+        """The nodes that make up the platoon, from front to rear."""
+        names = [NodeName(NodeKind.LEADER, self.leader_index)]
         for index in self.indices:
-            names += [f"vehicle_{index}/vehicle", f"vehicle_{index}/noise_relay"]
+            names += [NodeName(kind, index) for kind in (NodeKind.VEHICLE, NodeKind.NOISE_RELAY)]
         return names
+
+    @property
+    def node_names(self) -> list[str]:
+        """The names of the nodes, relative to the platoon's namespace."""
+        return [str(node) for node in self.nodes]
 
     @property
     def step_ns(self) -> int:

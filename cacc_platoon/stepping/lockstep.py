@@ -13,6 +13,7 @@ from collections.abc import Callable
 
 from cacc_platoon.model import ControlLaw, FactorStream, LeaderProfile, State, ThirdOrderPlant
 from cacc_platoon.scenario import Follower, Scenario
+from cacc_platoon.scenario.names import vehicle_name
 
 
 class LockstepError(Exception):
@@ -87,8 +88,8 @@ class LockstepFollower:
         self._initial = initial
         self._state: State[float] | None = None
         self._stamp = 0
-        predecessor = f"vehicle_{follower.index - 1}"
-        self._name = f"vehicle_{follower.index}"
+        predecessor = vehicle_name(follower.index - 1)
+        self._name = vehicle_name(follower.index)
         self._position_sequence = Sequence(f"{self._name}: pose of {predecessor}", self._step_ns)
         self._velocity_sequence = Sequence(f"{self._name}: twist of {predecessor}", self._step_ns)
         self._positions: deque[float] = deque()
@@ -162,7 +163,7 @@ class LockstepRelay:
     def __init__(
         self, follower: Follower, scenario: Scenario, publish: PublishAcceleration
     ) -> None:
-        name = f"vehicle_{follower.index}: accel of vehicle_{follower.index - 1}"
+        name = f"{vehicle_name(follower.index)}: accel of {vehicle_name(follower.index - 1)}"
         self._sequence = Sequence(name, scenario.step_ns)
         self._factors = FactorStream(follower.channel())
         self._sample = 0

@@ -23,11 +23,12 @@ from cacc_platoon.nodes.recorder import RecorderNode
 from cacc_platoon.runs.folder import RunFolder
 from cacc_platoon.runs.parts import read_parts
 from cacc_platoon.scenario import Scenario
-from cacc_platoon.supervision.host import FLUSH_PERIOD, recorded_topics
+from cacc_platoon.supervision.host import FLUSH_PERIOD
 from cacc_platoon.supervision.host_session import FAILED, FINISHED, HostSession
 from cacc_platoon.supervision.launcher import HostProcesses, plan_hosts
 from cacc_platoon.supervision.stall_diagnosis import diagnose
 from cacc_platoon.supervision.supervisor_node import GRAPH_PERIOD, SupervisorNode
+from msg_adapters.topics import Graph
 
 TICK = 0.02
 NEWCOMER_WAIT = 0.4
@@ -131,7 +132,7 @@ def run_platoon(
 
 def incomplete(scenario: Scenario, recording: Recording) -> str:
     """Say which topic lacks samples; empty when every topic has all of them."""
-    for topic in recorded_topics(scenario):
+    for topic in Graph.of(scenario).recorded:
         count = len(recording[topic.name].messages) if topic.name in recording else 0
         if count != scenario.samples:
             return f"{topic.name}: only {count} of {scenario.samples} samples were recorded"
@@ -299,7 +300,7 @@ class Supervision:
     def _record_the_rest(self) -> None:
         """Record in this process what no host records."""
         covered = {topic for host in self._node.hosts.values() for topic in host["records"]}
-        topics = [topic for topic in recorded_topics(self._scenario) if topic.name not in covered]
+        topics = [t for t in Graph.of(self._scenario).recorded if t.name not in covered]
         if not topics:
             return
         part = self._folder.parts / "supervisor"

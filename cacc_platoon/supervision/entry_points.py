@@ -23,10 +23,11 @@ from cacc_platoon.nodes.recorder import RecorderNode
 from cacc_platoon.nodes.ros_parameters import given_parameters, scenario_of
 from cacc_platoon.nodes.vehicle import VehicleNode
 from cacc_platoon.scenario import Follower
+from cacc_platoon.scenario.names import NodeKind, NodeName
 from cacc_platoon.stop_signal import StopSignal
-from cacc_platoon.supervision.host import POLL_PERIOD, published_topics, serve
+from cacc_platoon.supervision.host import POLL_PERIOD, serve
 from cacc_platoon.supervision.host_session import HostSession
-from msg_adapters.topics import run_topics
+from msg_adapters.topics import Graph
 
 BAD_INPUT = 2
 HELP = """\
@@ -79,10 +80,11 @@ def _run_node(name: str, create: Callable[[], PlatoonNode], example_index: int) 
     node = start(create)
     if node is None:
         return BAD_INPUT
-    host = f"vehicle_{node.index}_{name}"
+    own = NodeName(NodeKind(name), node.index)
+    host = str(own).replace("/", "_")
     recorder = None
     if folder := text_parameter(node, RECORD_PARAMETER):
-        topics = published_topics(node.scenario, name, node.index)
+        topics = list(Graph.of(node.scenario).nodes[own].publishes)
         recorder = start(lambda: RecorderNode(node.scenario, host, topics, Path(folder) / host))
         if recorder is None:
             return BAD_INPUT
@@ -143,7 +145,9 @@ def _manual_recorder() -> RecorderNode:
         node.destroy_node()
     if not folder:
         raise UserError("recorder: has nowhere to record to. Add -p record:=DIR.")
-    return RecorderNode(scenario, "recorder", run_topics(scenario), Path(folder) / "recorder")
+    return RecorderNode(
+        scenario, "recorder", Graph.of(scenario).recorded, Path(folder) / "recorder"
+    )
 
 
 def supervisor_parameters() -> dict[str, Any]:

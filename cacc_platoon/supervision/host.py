@@ -22,47 +22,29 @@ from cacc_platoon.nodes.noise_relay import NoiseRelayNode
 from cacc_platoon.nodes.recorder import RecorderNode
 from cacc_platoon.nodes.vehicle import VehicleNode
 from cacc_platoon.scenario import Scenario
+from cacc_platoon.scenario.names import NodeKind, NodeName
 from cacc_platoon.stop_signal import StopSignal
 from cacc_platoon.supervision.host_session import HostSession
-from msg_adapters.topics import Topic, VehicleTopics
+from msg_adapters.topics import Graph
 
-NODE_CLASSES = {"leader": LeaderNode, "vehicle": VehicleNode, "noise_relay": NoiseRelayNode}
+NODE_CLASSES: dict[NodeKind, type[LeaderNode | VehicleNode | NoiseRelayNode]] = {
+    NodeKind.LEADER: LeaderNode,
+    NodeKind.VEHICLE: VehicleNode,
+    NodeKind.NOISE_RELAY: NoiseRelayNode,
+}
 POLL_PERIOD = 0.05
 FLUSH_PERIOD = 0.5
 
 
 @dataclass(frozen=True)
 class HostPlan:
-    """What one host runs: pairs of node name and vehicle index, and where it records."""
+    """What one host runs, and where it records."""
 
     run: str
     name: str
-    nodes: tuple[tuple[str, int], ...]
+    nodes: tuple[NodeName, ...]
     scenario: Scenario
     part: Path
-
-
-def published_topics(scenario: Scenario, kind: str, index: int) -> list[Topic]:
-    """Return the recorded topics that a node publishes."""
-    topics = VehicleTopics(scenario.platoon.namespace, index)
-    if kind == "noise_relay":
-        return [topics.received]
-    published = [topics.pose, topics.twist, topics.accel]
-    if kind == "vehicle" and scenario.record.command:
-        published.append(topics.command)
-    if kind == "vehicle" and scenario.record.spacing_error:
-        published.append(topics.spacing_error)
-    return published
-
-
-def recorded_topics(scenario: Scenario) -> list[Topic]:
-    """Return every topic that the bag of a run has to hold."""
-    nodes = (node.split("/") for node in scenario.node_names)
-    return [
-        topic
-        for vehicle, kind in nodes
-        for topic in published_topics(scenario, kind, int(vehicle.removeprefix("vehicle_")))
-    ]
 
 
 def run_host(plan: HostPlan, lifeline: Connection) -> None:
@@ -78,11 +60,8 @@ def run_host(plan: HostPlan, lifeline: Connection) -> None:
     stop = StopSignal(signal.SIGTERM)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-    topics = [
-        topic
-        for kind, index in plan.nodes
-        for topic in published_topics(plan.scenario, kind, index)
-    ]
+    graph = Graph.of(plan.scenario)
+    topics = [topic for node in plan.nodes for topic in graph.nodes[node].publishes]
     recorder = RecorderNode(plan.scenario, plan.name, topics, plan.part)
     nodes: list[Node] = [recorder]
     nodes += [NODE_CLASSES[kind](plan.scenario, index) for kind, index in plan.nodes]

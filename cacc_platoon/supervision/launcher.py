@@ -8,15 +8,17 @@ import os
 import signal
 import time
 from collections.abc import Callable, Sequence
-from itertools import pairwise
+from itertools import groupby, pairwise
 from multiprocessing import forkserver
 from multiprocessing.connection import Connection
 from multiprocessing.context import ForkServerProcess
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 from cacc_platoon.errors import UserError
 from cacc_platoon.scenario import Scenario
+from cacc_platoon.scenario.names import host_name
 from cacc_platoon.supervision.host import HostPlan, run_host
 
 LOCALHOST_PARTICIPANTS = 32
@@ -48,14 +50,8 @@ def plan_hosts(scenario: Scenario, parts: Path, run: str) -> list[HostPlan]:
     UserError
         When the processes would not all find each other.
     """
-    vehicles: list[list[tuple[str, int]]] = [[("leader", scenario.leader_index)]]
-    vehicles += [[("vehicle", i), ("noise_relay", i)] for i in scenario.indices]
-    manual_nodes = set(scenario.run.manual_nodes)
-    vehicles = [
-        [(kind, i) for kind, i in vehicle if f"vehicle_{i}/{kind}" not in manual_nodes]
-        for vehicle in vehicles
-    ]
-    vehicles = [vehicle for vehicle in vehicles if vehicle]
+    nodes = [node for node in scenario.nodes if str(node) not in scenario.run.manual_nodes]
+    vehicles = [list(own) for _, own in groupby(nodes, key=attrgetter("vehicle"))]
     if not vehicles:
         return []
     if scenario.run.hosts == "per_node":
@@ -76,7 +72,7 @@ def plan_hosts(scenario: Scenario, parts: Path, run: str) -> list[HostPlan]:
             f"fewer than {LOCALHOST_PARTICIPANTS} on one machine. Give run.hosts a smaller number."
         )
     return [
-        HostPlan(run, f"{h}", tuple(group), scenario, parts / f"host_{h}")
+        HostPlan(run, f"{h}", tuple(group), scenario, parts / host_name(f"{h}"))
         for h, group in enumerate(groups)
     ]
 
@@ -104,7 +100,7 @@ class HostProcesses:
         for plan in plans:
             reader, writer = self._context.Pipe(duplex=False)
             process = self._context.Process(
-                target=target, args=(plan, reader), name=f"host_{plan.name}"
+                target=target, args=(plan, reader), name=host_name(plan.name)
             )
             process.start()
             reader.close()

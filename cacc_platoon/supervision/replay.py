@@ -26,6 +26,7 @@ from cacc_platoon.nodes.executor import create_executor, spin_for
 from cacc_platoon.nodes.node import MESSAGE_TYPES
 from cacc_platoon.nodes.vehicle import VehicleNode
 from cacc_platoon.scenario import Scenario
+from cacc_platoon.scenario.names import NodeKind, NodeName
 from cacc_platoon.stop_signal import StopSignal
 from cacc_platoon.supervision.conductor import ADVICE, GOODBYE_TIMEOUT, TICK, RunFailedError
 from cacc_platoon.supervision.host import NODE_CLASSES, serve
@@ -42,12 +43,11 @@ Observer = Callable[[str, int, int], None]
 
 @dataclass(frozen=True)
 class NodePlan:
-    """A node to start: its kind and vehicle, and where a follower begins if not in equilibrium."""
+    """A node to start, and where a follower begins if not in equilibrium."""
 
     run: str
     name: str
-    node: str
-    index: int
+    node: NodeName
     scenario: Scenario
     initial: State[float] | None = None
 
@@ -58,10 +58,10 @@ def run_node(plan: NodePlan, lifeline: Connection) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     node: Node
-    if plan.node == "vehicle":
-        node = VehicleNode(plan.scenario, plan.index, initial=plan.initial)
+    if plan.node.kind == NodeKind.VEHICLE:
+        node = VehicleNode(plan.scenario, plan.node.vehicle, initial=plan.initial)
     else:
-        node = NODE_CLASSES[plan.node](plan.scenario, plan.index)
+        node = NODE_CLASSES[plan.node.kind](plan.scenario, plan.node.vehicle)
     session = HostSession(plan.name, [node], plan.scenario, run=plan.run)
     sys.exit(serve([node], session, None, stop, lifeline.poll))
 
@@ -126,7 +126,7 @@ class ReplayerNode(Node):  # type: ignore[misc]
         self._step_ns = scenario.step_ns
         profile = qos.stream(scenario)
         own = VehicleTopics(namespace, index)
-        self._lost = self.create_publisher(Int64, own.complete, profile)
+        self._lost = self.create_publisher(Int64, own.complete.name, profile)
         self._feed = [
             (
                 self.create_publisher(MESSAGE_TYPES[topic.kind.type_name], topic.name, profile),
@@ -194,7 +194,7 @@ def replay_node(
     """
     shared_memory.sweep()
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-    replayer = ReplayerNode(plan.scenario, plan.index, feed, outputs, samples)
+    replayer = ReplayerNode(plan.scenario, plan.node.vehicle, feed, outputs, samples)
     replay = _Replay(plan, replayer, observe, stopped)
     state = FAILED
     try:
@@ -209,7 +209,9 @@ def plan_replay(
     scenario: Scenario, node: str, index: int, initial: State[float] | None = None
 ) -> NodePlan:
     """Return the plan of a node that is to be replayed."""
-    return NodePlan(uuid.uuid4().hex, "replayed", node, index, scenario, initial)
+    return NodePlan(
+        uuid.uuid4().hex, "replayed", NodeName(NodeKind(node), index), scenario, initial
+    )
 
 
 class _Replay:
@@ -272,7 +274,7 @@ class _Replay:
 
     def _wait(self, done: Callable[[], bool], limit: float, failure: str) -> None:
         began = time.monotonic()
-        who = f"vehicle_{self._plan.index}/{self._plan.node}"
+        who = str(self._plan.node)
         while not done():
             self._spin()
             if name := self._stopped():

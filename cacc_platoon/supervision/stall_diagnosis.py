@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from operator import itemgetter
 
 from cacc_platoon.scenario import Scenario
-from msg_adapters.topics import VehicleTopics
+from cacc_platoon.scenario.names import NodeKind, NodeName
+from msg_adapters.topics import Graph
 
 IN_TRANSIT = 2
 """Samples that a node may be behind its inputs while everything runs."""
@@ -31,22 +32,22 @@ def diagnose(scenario: Scenario, samples: Mapping[str, int]) -> str:
 def _furthest_behind(scenario: Scenario, samples: Mapping[str, int]) -> list[str]:
     """Say which node is furthest behind what it has received, when it is more than in transit."""
     found: list[tuple[int, str]] = []
-    prefix = scenario.platoon.namespace
+    vehicles = Graph.of(scenario).vehicles
     for follower in scenario.followers:
         index = follower.index
-        own, ahead = VehicleTopics(prefix, index), VehicleTopics(prefix, index - 1)
+        own, ahead = vehicles[index], vehicles[index - 1]
         done, received, pose, accel = (
             samples.get(topic.name, 0)
             for topic in (own.pose, own.received, ahead.pose, ahead.accel)
         )
         inputs = min(received, pose)
         found += [
-            (accel - received, _stopped(f"vehicle_{index}/noise_relay", received, accel)),
-            (inputs + 1 - done, _stopped(f"vehicle_{index}/vehicle", done, inputs)),
+            (accel - received, _stopped(NodeName(NodeKind.NOISE_RELAY, index), received, accel)),
+            (inputs + 1 - done, _stopped(NodeName(NodeKind.VEHICLE, index), done, inputs)),
         ]
     behind, text = max(found, key=itemgetter(0))
     return [text] if behind > IN_TRANSIT else []
 
 
-def _stopped(node: str, samples: int, inputs: int) -> str:
+def _stopped(node: NodeName, samples: int, inputs: int) -> str:
     return f"{node} stopped at sample {samples - 1} while its inputs have sample {inputs - 1}"

@@ -14,6 +14,7 @@ from std_msgs.msg import Int64, String
 from cacc_platoon.nodes import qos, ros_parameters
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import format_scenario
+from cacc_platoon.scenario.names import NodeName
 from cacc_platoon.scenario.table import GROUPS
 from cacc_platoon.supervision.host_session import (
     HEARTBEAT_PERIOD,
@@ -22,7 +23,7 @@ from cacc_platoon.supervision.host_session import (
     WAITING,
     heard,
 )
-from msg_adapters.topics import PlatoonTopics, run_topics
+from msg_adapters.topics import Graph
 
 MAX_HOSTS = 1000
 UNKNOWN = "_NODE_NAME_UNKNOWN_"
@@ -58,7 +59,8 @@ class SupervisorNode(Node):  # type: ignore[misc]
         self._last = scenario.samples - 1
         self._heartbeat = 0.0
         self._started = 0.0
-        self.topics = PlatoonTopics(prefix)
+        self.graph = Graph.of(scenario)
+        self.topics = self.graph.platoon
         latched = qos.latched()
         self._horizon = self.create_publisher(Int64, self.topics.horizon, latched)
         self._status = self.create_publisher(String, self.topics.status, latched)
@@ -128,7 +130,7 @@ class SupervisorNode(Node):  # type: ignore[misc]
         found = []
         for host in self.hosts.values():
             for node, given in host["parameters"].items():
-                index = int(node.partition("/")[0].removeprefix("vehicle_"))
+                index = NodeName.parse(node).vehicle
                 groups = {name.partition(".")[0] for name in given}
                 expected = ros_parameters.shared_parameters(self.scenario, index, groups)
                 found += [
@@ -140,9 +142,9 @@ class SupervisorNode(Node):  # type: ignore[misc]
 
     def foreign_publishers(self) -> list[str]:
         """Return the topics of this platoon that somebody else publishes too, with who it is."""
-        own = {topic.name for topic in run_topics(self.scenario)} | {
+        own = {topic.name for topic in self.graph.run_topics} | {
             *(self.topics.horizon, self.topics.status),
-            *(f"{self.scenario.platoon.namespace}/host_{name}/recorded" for name in self._recorded),
+            *(self.topics.recorded(name) for name in self._recorded),
         }
         found = []
         for topic in sorted(own):
@@ -173,7 +175,7 @@ class SupervisorNode(Node):  # type: ignore[misc]
             return
         if name not in self.hosts and host["records"]:
             self._recorded[name] = -1
-            topic = f"{self.scenario.platoon.namespace}/host_{name}/recorded"
+            topic = self.topics.recorded(name)
             self.create_subscription(
                 Int64, topic, lambda said: self._on_recorded(name, said.data), qos.latched()
             )
@@ -190,12 +192,10 @@ class SupervisorNode(Node):  # type: ignore[misc]
         self.advance(min(self._recorded.values()))
 
     def _progress_publishers(self) -> dict[str, int]:
-        prefix = f"{self.scenario.platoon.namespace}/host_"
         return {
-            topic.removeprefix(prefix).removesuffix("/recorded"): count
+            host: subscription.get_publisher_count()
             for subscription in self.subscriptions
-            if (topic := subscription.topic_name).startswith(prefix) and topic.endswith("/recorded")
-            for count in [subscription.get_publisher_count()]
+            if (host := self.topics.host_recorded(subscription.topic_name)) is not None
         }
 
     def _publish_horizon(self) -> None:
@@ -216,7 +216,7 @@ class SupervisorNode(Node):  # type: ignore[misc]
         own = {f"{prefix}/{node}" for host in self.hosts.values() for node in host["nodes"]}
         wanted = Counter(topic for host in self.hosts.values() for topic in host["subscribes"])
         counts = {}
-        for topic in run_topics(self.scenario):
+        for topic in self.graph.run_topics:
             strangers = [
                 info
                 for info in self.get_subscriptions_info_by_topic(topic.name)

@@ -1,6 +1,7 @@
 """Names, types and frames of the graph, as the table of the README has them."""
 
-from msg_adapters.topics import VehicleTopics, digest_topics, queue_depth
+from cacc_platoon.model import Topology
+from msg_adapters.topics import Graph, VehicleTopics, queue_depth
 
 
 def test_a_vehicles_topics():
@@ -9,7 +10,7 @@ def test_a_vehicles_topics():
         (topic.name, topic.kind.type_name.rpartition("/")[2], topic.frame_id)
         for topic in (
             *(topics.pose, topics.twist, topics.accel, topics.received),
-            *(topics.command, topics.spacing_error),
+            *(topics.complete, topics.command, topics.spacing_error),
         )
     ]
     assert rows == [
@@ -17,14 +18,14 @@ def test_a_vehicles_topics():
         ("/a/b/vehicle_3/twist", "TwistStamped", "vehicle_3/base_link"),
         ("/a/b/vehicle_3/accel", "AccelStamped", "vehicle_3/base_link"),
         ("/a/b/vehicle_3/v2v/accel", "AccelStamped", "vehicle_2/base_link"),
+        ("/a/b/vehicle_3/v2v/complete", "Vector3Stamped", "vehicle_3/base_link"),
         ("/a/b/vehicle_3/command", "AccelStamped", "vehicle_3/base_link"),
         ("/a/b/vehicle_3/spacing_error", "Vector3Stamped", "vehicle_3/base_link"),
     ]
-    assert topics.complete == "/a/b/vehicle_3/v2v/complete"
 
 
 def test_fifty_one_messages_a_sample_for_twelve_followers():
-    assert len(digest_topics("/platoon", 12)) == 51
+    assert len(Graph("/platoon", Topology(range(1, 13))).run_topics) == 51
 
 
 def test_queues_are_deeper_than_the_window():

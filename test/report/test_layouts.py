@@ -10,7 +10,7 @@ from ruamel.yaml import YAML
 
 from cacc_platoon.scenario import Scenario
 from msg_adapters.stamped import Kind
-from msg_adapters.topics import PlatoonTopics, VehicleTopics, run_topics
+from msg_adapters.topics import Graph, PlatoonTopics, VehicleTopics
 
 CONFIG = Path(__file__).parents[2] / "config"
 FIELDS = {
@@ -24,7 +24,7 @@ FIELDS = {
 @pytest.fixture(scope="module")
 def paths():
     """Every number of a bag as `topic.field`, spacing_error included."""
-    topics = run_topics(Scenario())
+    topics = Graph.of(Scenario()).run_topics
     topics += [VehicleTopics("/platoon", i).spacing_error for i in range(1, 13)]
     return {f"{topic.name}.{field(topic.kind)}" for topic in topics}
 

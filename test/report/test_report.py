@@ -16,7 +16,7 @@ from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import format_scenario
 from cacc_platoon.scenario.table import TABLE
 from cacc_platoon.simulation import simulate
-from msg_adapters.topics import digest_topics
+from msg_adapters.topics import Graph
 
 
 class Page(html.parser.HTMLParser):
@@ -166,7 +166,7 @@ def test_killed_run_is_finished_first(tmp_path, scenario, capsys):
     """parts/ without a bag is what a killed supervisor leaves; the last message is cut short."""
     folder = RunFolder.create(tmp_path / "run", scenario)
     recording = recording_of(simulate(scenario))
-    topics = digest_topics(scenario.platoon.namespace, 3)
+    topics = Graph.of(scenario).run_topics
     part = PartWriter(folder.parts / "host_0", topics)
     for topic in topics:
         content = recording[topic.name].messages[:200].tobytes()

@@ -13,7 +13,7 @@ from cacc_platoon.scenario import Scenario
 from cacc_platoon.simulation import simulate
 from cacc_platoon.runs.parts import PartWriter
 from cacc_platoon.runs.recording import recording_of
-from msg_adapters.topics import run_topics
+from msg_adapters.topics import Graph
 
 SCENARIO = Scenario.from_values({"run.duration": 10.0, "platoon.followers": 2}, None, "short")
 Usage = namedtuple("Usage", "total used free")
@@ -22,7 +22,7 @@ Usage = namedtuple("Usage", "total used free")
 def recorded(path: Path) -> RunFolder:
     """Return a folder whose parts hold a whole run."""
     folder = RunFolder.create(path, SCENARIO)
-    part = PartWriter(folder.parts / "host_0", run_topics(SCENARIO))
+    part = PartWriter(folder.parts / "host_0", Graph.of(SCENARIO).run_topics)
     for name, record in recording_of(simulate(SCENARIO)).items():
         for message in record.messages:
             part.writers[name](message.tobytes())

@@ -10,10 +10,12 @@ from cacc_platoon.scenario import Scenario
 from cacc_platoon.simulation import simulate
 from cacc_platoon.runs.parts import PartWriter, read_parts
 from cacc_platoon.bags.rows import TopicRows
-from cacc_platoon.bags.digest import digest
+from cacc_platoon.bags.digest import run_digest
 from cacc_platoon.runs.recording import recording_of, trajectory_of
-from msg_adapters.topics import VehicleTopics, digest_topics
+from cacc_platoon.model import Topology
+from msg_adapters.topics import VehicleTopics, Graph
 
+THREE = Graph("/platoon", Topology(range(1, 4)))
 SCENARIO = Scenario.from_values(
     {"platoon.followers": 3, "run.duration": 2.0, "leader.start": 0.5, "v2v.hold": 0.05}
 )
@@ -35,7 +37,7 @@ def test_every_topic_of_the_digest_is_there(recording):
         *(f"/platoon/vehicle_{i}/v2v/accel" for i in (1, 2, 3)),
     }
     assert set(recording) == names
-    assert {topic.name for topic in digest_topics("/platoon", 3)} == names
+    assert {topic.name for topic in THREE.run_topics} == names
     assert {len(record.messages) for record in recording.values()} == {201}
 
 
@@ -79,13 +81,13 @@ def test_the_digest_is_the_hash_of_the_sorted_topic_hashes(recording):
         for name in sorted(recording)
     ]
     expected = hashlib.sha256("".join(lines).encode()).hexdigest()
-    assert digest(recording, "/platoon", 3) == expected
-    assert digest(dict(reversed(recording.items())), "/platoon", 3) == expected
+    assert run_digest(recording, THREE) == expected
+    assert run_digest(dict(reversed(recording.items())), THREE) == expected
 
 
 def test_topics_beside_the_run_do_not_count(recording):
     more = {**recording, "/clock": TopicRows("rosgraph_msgs/msg/Clock", np.zeros((3, 8), "u1"))}
-    assert digest(more, "/platoon", 3) == digest(recording, "/platoon", 3)
+    assert run_digest(more, THREE) == run_digest(recording, THREE)
 
 
 def test_one_bit_changes_the_digest(recording):
@@ -93,12 +95,12 @@ def test_one_bit_changes_the_digest(recording):
         messages = recording[name].messages.copy()
         messages[100, -1] ^= 1
         changed = {**recording, name: recording[name]._replace(messages=messages)}
-        assert digest(changed, "/platoon", 3) != digest(recording, "/platoon", 3)
+        assert run_digest(changed, THREE) != run_digest(recording, THREE)
 
 
 def test_another_seed_another_digest():
     digests = {
-        digest(recording_of(simulate(scenario)), "/platoon", 3)
+        run_digest(recording_of(simulate(scenario)), THREE)
         for seed in (1, 2, 3)
         for scenario in [
             dataclasses.replace(SCENARIO, run=dataclasses.replace(SCENARIO.run, seed=seed))
@@ -108,7 +110,7 @@ def test_another_seed_another_digest():
 
 
 def test_parts_hold_what_was_written_wherever_they_were_cut(tmp_path, recording):
-    topics = digest_topics("/platoon", 3)
+    topics = THREE.run_topics
     halves = [topics[::2], topics[1::2]]
     folders = [tmp_path / "a", tmp_path / "b"]
     for folder, half in zip(folders, halves, strict=True):
@@ -118,7 +120,7 @@ def test_parts_hold_what_was_written_wherever_they_were_cut(tmp_path, recording)
                 part.writers[topic.name](message.tobytes())
         part.close()
         part.close()
-    assert digest(read_parts(folders), "/platoon", 3) == digest(recording, "/platoon", 3)
+    assert run_digest(read_parts(folders), THREE) == run_digest(recording, THREE)
 
     file = next((tmp_path / "a").glob("*.cdr"))
     file.write_bytes(file.read_bytes()[:-5])

@@ -8,6 +8,7 @@ import pytest
 from cacc_platoon.analysis import analyse
 from cacc_platoon.bags.digest import topic_digest
 from cacc_platoon.cli.simulate import simulate_run
+from cacc_platoon.model import Topology
 from cacc_platoon.report import metrics_document, summary
 from cacc_platoon.runs.recorded_leader import with_recorded_leader
 from cacc_platoon.runs.recording import recording_of, trajectory_of
@@ -16,7 +17,7 @@ from cacc_platoon.scenario.file import load_scenario, parse_scenario
 from cacc_platoon.scenario.parameter import ScenarioError
 from cacc_platoon.simulation import monte_carlo, simulate
 from cacc_platoon.supervision.launcher import plan_hosts
-from msg_adapters.topics import digest_topics
+from msg_adapters.topics import Graph
 
 PAPER_A = Path(__file__).parents[2] / "config" / "paper_a.yaml"
 SHORT = ("run.duration=15", "leader.start=1", "v2v.hold=0.02", "vehicle_9.controller.k_v=0.7")
@@ -37,7 +38,9 @@ def rear(tmp_path_factory):
 def test_six_and_six_are_twelve(rear):
     whole = recording_of(simulate(load_scenario(PAPER_A, SHORT)))
     grown = recording_of(simulate(rear))
-    assert set(grown) == {topic.name for topic in digest_topics("/platoon", 6, first=7)}
+    assert set(grown) == {
+        topic.name for topic in Graph("/platoon", Topology(range(7, 13))).run_topics
+    }
     assert len(grown) == 7 * 3 + 6
     for name, record in grown.items():
         assert topic_digest(record) == topic_digest(whole[name]), name

@@ -7,8 +7,8 @@ from cacc_platoon.runs.recording import recording_of
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.simulation import simulate
 from cacc_platoon.supervision.conductor import incomplete
-from cacc_platoon.supervision.host import recorded_topics
 from cacc_platoon.supervision.launcher import plan_hosts
+from msg_adapters.topics import Graph
 
 SCENARIO = Scenario.from_values({"run.duration": 1.0, "platoon.followers": 2}, None, "test")
 NODES = SCENARIO.node_names
@@ -18,7 +18,7 @@ def test_a_whole_run_lacks_nothing() -> None:
     assert incomplete(SCENARIO, recording_of(simulate(SCENARIO))) == ""
 
 
-@pytest.mark.parametrize("topic", [topic.name for topic in recorded_topics(SCENARIO)])
+@pytest.mark.parametrize("topic", [topic.name for topic in Graph.of(SCENARIO).recorded])
 def test_one_missing_message_is_named(topic: str) -> None:
     recording = recording_of(simulate(SCENARIO))
     record = recording[topic]
@@ -29,7 +29,7 @@ def test_one_missing_message_is_named(topic: str) -> None:
 def test_what_a_vehicle_publishes_when_asked_belongs_to_the_run() -> None:
     asked = {"record.command": True, "record.spacing_error": True}
     scenario = Scenario.from_values({"platoon.followers": 1, **asked}, None, "test")
-    names = {topic.name for topic in recorded_topics(scenario)}
+    names = {topic.name for topic in Graph.of(scenario).recorded}
     assert {"/platoon/vehicle_1/command", "/platoon/vehicle_1/spacing_error"} < names
 
 

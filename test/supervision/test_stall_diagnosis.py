@@ -2,9 +2,10 @@
 
 import pytest
 
+from cacc_platoon.model import Topology
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.supervision.stall_diagnosis import diagnose
-from msg_adapters.topics import VehicleTopics, digest_topics
+from msg_adapters.topics import Graph, VehicleTopics
 
 SCENARIO = Scenario.from_values({"platoon.followers": 3, "run.duration": 1.0}, None, "test")
 
@@ -20,7 +21,9 @@ def counts_when(stopped: str, at: int, leader: int = 80) -> dict[str, int]:
             counts[topics.received.name] = received
             done = at if stopped == f"vehicle_{index}/vehicle" else min(done, received) + 1
         counts.update({t.name: done for t in (topics.pose, topics.twist, topics.accel)})
-    assert counts.keys() == {topic.name for topic in digest_topics("/platoon", 3)}
+    assert counts.keys() == {
+        topic.name for topic in Graph("/platoon", Topology(range(1, 4))).run_topics
+    }
     return counts
 
 

@@ -6,10 +6,11 @@ from pathlib import Path
 
 from rosbags.rosbag2 import Reader
 
-from cacc_platoon.bags.digest import digest
+from cacc_platoon.bags.digest import run_digest
+from cacc_platoon.model import Topology
 from cacc_platoon.runs.recording import recording_of
 from cacc_platoon.testing import Platoon
-from msg_adapters.topics import digest_topics
+from msg_adapters.topics import Graph
 
 Start = Callable[..., Platoon]
 SHORT = ("run.duration=8", "leader.start=1")
@@ -38,13 +39,15 @@ def test_six_and_six_are_twelve(platoon: Start) -> None:
     finished(front), finished(whole)
     rear = finished(platoon(*SHORT, *REAR, f"leader.file={front.folder.path}", hosts=2))
     twelve, six = topic_hashes(whole.folder.bag), topic_hashes(rear.folder.bag)
-    assert set(six) == {topic.name for topic in digest_topics("/platoon", 6, first=7)}
+    assert set(six) == {
+        topic.name for topic in Graph("/platoon", Topology(range(7, 13))).run_topics
+    }
     for name, found in six.items():
         assert found == twelve[name], name
     led = rear.folder.scenario().leader
     assert (led.vehicle, led.file) == (6, str(front.folder.path))
     trajectory = rear.result().trajectory()
-    again = digest(recording_of(trajectory), "/platoon", 6, first=7)
+    again = run_digest(recording_of(trajectory), Graph.of(trajectory.scenario))
     assert rear.result().digest == again
 
 

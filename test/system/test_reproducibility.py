@@ -12,13 +12,14 @@ from pathlib import Path
 import pytest
 from rosbags.rosbag2 import Reader
 
-from cacc_platoon.bags.digest import digest, topic_digest
+from cacc_platoon.bags.digest import run_digest, topic_digest
+from cacc_platoon.model import Topology
 from cacc_platoon.runs.recording import recording_of
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import load_scenario
 from cacc_platoon.simulation import simulate
 from cacc_platoon.testing import Platoon
-from msg_adapters.topics import digest_topics
+from msg_adapters.topics import Graph
 
 PAPER_A = Path(__file__).parents[2] / "config" / "paper_a.yaml"
 SHORT = ("run.duration=20",)
@@ -29,7 +30,7 @@ Start = Callable[..., Platoon]
 
 def simulated_digest(scenario: Scenario) -> str:
     recording = recording_of(simulate(scenario))
-    return digest(recording, scenario.platoon.namespace, scenario.platoon.followers)
+    return run_digest(recording, Graph.of(scenario))
 
 
 def bag_digests(bag: Path) -> dict[str, str]:
@@ -58,7 +59,7 @@ def test_number_of_processes_does_not_matter(platoon: Start, expected: str, host
 def test_every_topic_has_every_sample(platoon: Start) -> None:
     run = platoon(*SHORT, hosts=2)
     result = run.result()
-    topics = {topic.name for topic in digest_topics("/platoon", 12)}
+    topics = {topic.name for topic in Graph("/platoon", Topology(range(1, 13))).run_topics}
     assert result.info["messages"] == dict.fromkeys(topics, 2001)
 
 

@@ -1,0 +1,42 @@
+"""Who hears whom over V2V."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Link(NamedTuple):
+    """One V2V link, from a vehicle ahead to a follower; both by index."""
+
+    sender: int
+    receiver: int
+
+
+class Topology(NamedTuple):
+    """Each follower hears its nearest predecessors.
+
+    Attributes
+    ----------
+    followers : range
+        Indices of the followers; the leader has the one before the first.
+    predecessors : int
+        How many vehicles ahead a follower hears, as far as there are so many.
+
+    Examples
+    --------
+    >>> Topology(range(1, 4), predecessors=2).links_to(3)
+    (Link(sender=2, receiver=3), Link(sender=1, receiver=3))
+    """
+
+    followers: range
+    predecessors: int = 1
+
+    def links_to(self, receiver: int) -> tuple[Link, ...]:
+        """Return the links to a follower, from the nearest sender on."""
+        furthest = max(receiver - self.predecessors, self.followers.start - 1)
+        return tuple(Link(sender, receiver) for sender in range(receiver - 1, furthest - 1, -1))
+
+    @property
+    def links(self) -> tuple[Link, ...]:
+        """All links, from front to rear."""
+        return tuple(link for receiver in self.followers for link in self.links_to(receiver))
