@@ -1,0 +1,76 @@
+"""What one host has recorded: one append-only file of CDR bytes a topic, readable at any moment."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from pathlib import Path
+
+import numpy as np
+
+from cacc_platoon.bags.rows import TopicRows
+from msg_adapters.topics import Topic
+
+INDEX_FILE = "topics.json"
+
+
+class PartWriter:
+    """Takes down the messages of some topics in a folder, one file per topic, append-only.
+
+    A part needs no closing to be readable: what was flushed is there, whatever happened later.
+
+    Parameters
+    ----------
+    folder : Path
+        Made by the writer; must not exist.
+    topics : list of Topic
+        What will be written.
+    """
+
+    def __init__(self, folder: Path, topics: list[Topic]) -> None:
+        folder.mkdir(parents=True)
+        index = [
+            {
+                "name": topic.name,
+                "type": topic.kind.type_name,
+                "size": topic.codec.size,
+                "file": f"{number:04d}.cdr",
+            }
+            for number, topic in enumerate(topics)
+        ]
+        (folder / INDEX_FILE).write_text(json.dumps(index, indent=1))
+        self._files = {
+            str(entry["name"]): (folder / str(entry["file"])).open("wb") for entry in index
+        }
+        self.writers = {name: file.write for name, file in self._files.items()}
+
+    def flush(self) -> None:
+        """Hand everything to the operating system; harmless once closed."""
+        for file in self._files.values():
+            if not file.closed:
+                file.flush()
+
+    def close(self) -> None:
+        """Flush and close as far as the disk lets it; harmless when done twice."""
+        for file in self._files.values():
+            with contextlib.suppress(OSError):
+                file.close()
+
+
+def read_parts(folders: list[Path]) -> dict[str, TopicRows]:
+    """Return what the parts hold, mapped from disk; a message cut short at the end is left out."""
+    records: dict[str, TopicRows] = {}
+    for folder in folders:
+        index = folder / INDEX_FILE
+        if not index.is_file():
+            continue
+        for entry in json.loads(index.read_text()):
+            path, size = folder / entry["file"], entry["size"]
+            count = path.stat().st_size // size if path.is_file() else 0
+            messages = (
+                np.memmap(path, np.uint8, "r", shape=(count, size))
+                if count
+                else np.empty((0, size), np.uint8)
+            )
+            records[entry["name"]] = TopicRows(entry["type"], messages)
+    return records
