@@ -100,6 +100,20 @@ def rows_in_stamp_order(parts: list[RawTopic]) -> Bytes | None:
     ndarray of uint8, shape (n, size), or None
         None when the messages are not all of one length and frame.
     """
+    rows = rows_in_order_of_recording(parts)
+    if rows is None:
+        return None
+    stamps = _stamps(rows[:, :_FRAME_AT], "<")
+    if (np.diff(stamps) < 0).any():
+        rows = rows[np.argsort(stamps, kind="stable")]
+    return rows
+
+
+def rows_in_order_of_recording(parts: list[RawTopic]) -> Bytes | None:
+    """Return a topic's messages as rows of bytes as they were recorded, padding zeroed.
+
+    None as in `rows_in_stamp_order`.
+    """
     blocks = [part.gather(0, int(part.lengths[0])) for part in parts if _uniform(part)]
     if len(blocks) != sum(1 for part in parts if len(part.lengths)) or not blocks:
         return None
@@ -109,9 +123,6 @@ def rows_in_stamp_order(parts: list[RawTopic]) -> Bytes | None:
     frames = rows[:, 12:16]
     if (frames != frames[0]).any():
         return None
-    stamps = _stamps(rows[:, :_FRAME_AT], "<")
-    if (np.diff(stamps) < 0).any():
-        rows = rows[np.argsort(stamps, kind="stable")]
     frame_end = _FRAME_AT + int(frames[0].copy().view("<u4")[0])
     rows[:, frame_end : _CDR + -(-(frame_end - _CDR) // 8) * 8] = 0
     return rows

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from cacc_platoon.bags.rows import Recording, TopicRows
+from msg_adapters.stamped import stamps_of
 from msg_adapters.topics import Graph
 
 
@@ -19,8 +20,8 @@ def run_digest(recording: Recording, graph: Graph) -> str:
 def digest_of(recording: Recording, names: Iterable[str]) -> str:
     """Return the SHA-256 over some topics of a recording.
 
-    Each topic is hashed over its messages in stamp order; the digest is the hash of the lines
-    `<topic> <hash>`, sorted by topic. Two runs agree to the last bit exactly when their digests do.
+    The digest is the hash of the lines `<topic> <hash>`, sorted by topic; see `topic_digest`. Two
+    runs agree to the last bit exactly when their digests do.
     """
     lines = sorted(
         f"{name} {topic_digest(recording[name])}\n" for name in names if name in recording
@@ -29,5 +30,11 @@ def digest_of(recording: Recording, names: Iterable[str]) -> str:
 
 
 def topic_digest(record: TopicRows) -> str:
-    """Return the SHA-256 of one topic's messages in stamp order."""
-    return hashlib.sha256(np.ascontiguousarray(record.messages).data).hexdigest()
+    """Return the SHA-256 of one topic's messages in the order of their delivery.
+
+    Where any is delivered at another sample than it was sent at, the delivery stamps follow.
+    """
+    found = hashlib.sha256(np.ascontiguousarray(record.messages).data)
+    if record.delivered is not None and (record.delivered != stamps_of(record.messages)).any():
+        found.update(np.ascontiguousarray(record.delivered, "<i8").data)
+    return found.hexdigest()

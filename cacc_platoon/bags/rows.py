@@ -10,10 +10,22 @@ import numpy.typing as npt
 
 
 class TopicRows(NamedTuple):
-    """The messages of one topic: row k, of shape (size,), is the message of sample k."""
+    """The messages of one topic, in the order of their delivery.
+
+    Attributes
+    ----------
+    type_name : str
+        Message type.
+    messages : ndarray of uint8, shape (n, size)
+        CDR bytes; the header stamp in them is that of the source.
+    delivered : ndarray of int64, shape (n,), optional
+        Stamps [ns] of the samples at which they are delivered, never decreasing. Without them row k
+        is the message of sample k, delivered at that sample.
+    """
 
     type_name: str
     messages: npt.NDArray[np.uint8]
+    delivered: npt.NDArray[np.int64] | None = None
 
 
 Recording: TypeAlias = Mapping[str, TopicRows]

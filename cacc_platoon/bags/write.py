@@ -6,6 +6,8 @@ from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
 
+import numpy as np
+import numpy.typing as npt
 from rosbags.interfaces import (
     Connection,
     Qos,
@@ -38,10 +40,11 @@ def write_bag(
     custom_data: dict[str, str],
     progress: Callable[[int, int], None] | None = None,
 ) -> None:
-    """Write a new bag, its messages in the order of (stamp, topic).
+    """Write a new bag, its messages in the order of (delivery stamp, topic).
 
-    The log time of a message is the time of the sample at which it is delivered, which in
-    lockstep is its stamp. The bag is closed and readable even when writing is interrupted.
+    The log time of a message is the time of the sample at which it is delivered; its header stamp
+    is the time of the sample at which it was sent. The bag is closed and readable even when writing
+    is interrupted.
 
     Parameters
     ----------
@@ -83,18 +86,31 @@ def _write_samples(
     step_ns: int,
     progress: Callable[[int, int], None] | None,
 ) -> None:
-    columns: list[tuple[Connection, memoryview, int, int]] = []
+    columns: list[tuple[Connection, memoryview, int, int, list[int] | None]] = []
+    samples = 0
     for connection in connections:
-        messages = recording[connection.topic].messages
+        _, messages, delivered = recording[connection.topic]
         count, size = messages.shape
-        columns.append((connection, messages.reshape(-1).data, size, count))
-    samples = max((count for *_, count in columns), default=0)
+        ends = None if delivered is None else _ends(delivered, step_ns)
+        samples = max(samples, count if ends is None else len(ends) - 1)
+        columns.append((connection, messages.reshape(-1).data, size, count, ends))
     for k in range(samples):
-        for connection, data, size, count in columns:
-            if k < count:
-                writer.write(connection, k * step_ns, data[k * size : (k + 1) * size])
+        for connection, data, size, count, ends in columns:
+            if ends is None:
+                if k < count:
+                    writer.write(connection, k * step_ns, data[k * size : (k + 1) * size])
+            elif k + 1 < len(ends):
+                for row in range(ends[k], ends[k + 1]):
+                    writer.write(connection, k * step_ns, data[row * size : (row + 1) * size])
         if progress and k % _PROGRESS_STRIDE == 0:
             progress(k, samples)
+
+
+def _ends(delivered: npt.NDArray[np.int64], step_ns: int) -> list[int]:
+    """Return where the rows of sample k begin, for each k and one more."""
+    samples = int(delivered[-1]) // step_ns + 1 if len(delivered) else 0
+    ends: list[int] = np.searchsorted(delivered, np.arange(samples + 1) * step_ns).tolist()
+    return ends
 
 
 @lru_cache(maxsize=1)

@@ -10,8 +10,8 @@ from pathlib import Path
 
 from cacc_platoon.design.question import Question, answer
 from cacc_platoon.design.requirements import Recommendation, Requirements, paper_design
-from cacc_platoon.model.channel import expected_factor, factor_variance
 from cacc_platoon.model.control import Gains
+from cacc_platoon.model.noise import expected_factor, factor_variance
 from cacc_platoon.report.design_figures import save_gallery
 from cacc_platoon.report.design_terminal import render
 from cacc_platoon.scenario import Scenario

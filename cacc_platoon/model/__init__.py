@@ -1,14 +1,16 @@
-"""The paper's equations: vehicle, control law, V2V channel and leader profiles; numpy only."""
+"""The platoon's world: vehicle, control law, V2V link and leader, scalar and array; numpy only."""
 
-from cacc_platoon.model.channel import (
-    BitChannel,
-    Channel,
-    ConstantChannel,
-    FactorStream,
-    expected_factor,
-    factor_variance,
-)
 from cacc_platoon.model.control import ConstantTimeHeadway, ControlLaw, Gains
+from cacc_platoon.model.impairment import (
+    Channel,
+    ComposedChannel,
+    ContentNoise,
+    Delivery,
+    DeliveryStream,
+    Impairment,
+    IndependentLoss,
+    Packets,
+)
 from cacc_platoon.model.leader import (
     LeaderProfile,
     PiecewiseConstantAcceleration,
@@ -20,25 +22,43 @@ from cacc_platoon.model.leader import (
     speed_profile,
     step_profile,
 )
+from cacc_platoon.model.noise import (
+    BitNoise,
+    ConstantNoise,
+    Noise,
+    expected_factor,
+    factor_variance,
+)
+from cacc_platoon.model.reception import HoldReception, Reception, ZeroReception
 from cacc_platoon.model.topology import Link, Topology
 from cacc_platoon.model.vehicle import State, ThirdOrderPlant
 
 __all__ = [
-    "BitChannel",
+    "BitNoise",
     "Channel",
-    "ConstantChannel",
+    "ComposedChannel",
+    "ConstantNoise",
     "ConstantTimeHeadway",
+    "ContentNoise",
     "ControlLaw",
-    "FactorStream",
+    "Delivery",
+    "DeliveryStream",
     "Gains",
+    "HoldReception",
+    "Impairment",
+    "IndependentLoss",
     "LeaderProfile",
     "Link",
+    "Noise",
+    "Packets",
     "PiecewiseConstantAcceleration",
+    "Reception",
     "RecordedMotion",
     "SinePulse",
     "State",
     "ThirdOrderPlant",
     "Topology",
+    "ZeroReception",
     "brake_profile",
     "expected_factor",
     "factor_variance",

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from std_msgs.msg import Int64
-
 from cacc_platoon.model import ControlLaw, State
-from cacc_platoon.nodes import qos
 from cacc_platoon.nodes.node import PlatoonNode
 from cacc_platoon.scenario import Follower, Scenario
 from cacc_platoon.stepping.lockstep import LockstepFollower
@@ -31,7 +28,7 @@ class VehicleNode(PlatoonNode):
         law: Callable[[Follower], ControlLaw] | None = None,
         initial: State[float] | None = None,
     ) -> None:
-        groups = ("platoon", "vehicle", "controller", "run", "record")
+        groups = ("platoon", "vehicle", "controller", "v2v", "run", "record")
         super().__init__("vehicle", groups, scenario, index)
         pose = self.create_stream(self.topics.pose)
         twist = self.create_stream(self.topics.twist)
@@ -64,9 +61,5 @@ class VehicleNode(PlatoonNode):
         self.follow_stream(self.predecessor.pose, core.take_position)
         self.follow_stream(self.predecessor.twist, core.take_velocity)
         self.follow_stream(self.topics.received, core.take_acceleration)
-        self.create_subscription(
-            Int64,
-            self.topics.complete.name,
-            self.guarded(lambda message: core.take_loss(message.data)),
-            qos.stream(self.scenario),
-        )
+        if follower.counted:
+            self.follow_stream(self.topics.complete, core.take_count)

@@ -119,7 +119,7 @@ def what_if(
 
     def judge(parameters: Scenario, motion: Sequence[Floats]) -> tuple[Motion, Floats]:
         position, velocity, acceleration = motion
-        law = parameters.follower(record.index).law()
+        law = parameters.follower(record.index).spacing_policy()
         error = law.spacing_error(position[:seen], velocity[:seen], ahead)
         gap = ahead - position[:seen]
         return Motion(

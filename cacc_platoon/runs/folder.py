@@ -18,13 +18,14 @@ from typing import Any
 import numpy as np
 
 from cacc_platoon import __version__
+from cacc_platoon.bags.digest import run_digest
+from cacc_platoon.bags.rows import Recording
+from cacc_platoon.bags.write import write_bag
 from cacc_platoon.errors import UserError
+from cacc_platoon.runs.parts import read_parts
+from cacc_platoon.runs.recording import with_deliveries
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import format_scenario, load_scenario
-from cacc_platoon.bags.write import write_bag
-from cacc_platoon.bags.rows import Recording
-from cacc_platoon.bags.digest import run_digest
-from cacc_platoon.runs.parts import read_parts
 from msg_adapters.topics import Graph, PlatoonTopics, queue_depth
 
 SCENARIO_FILE = "scenario.yaml"
@@ -109,6 +110,7 @@ class RunFolder:
             Called now and then with the sample written and the number of samples.
         """
         prefix = scenario.platoon.namespace
+        recording = with_deliveries(recording, Graph.of(scenario))
         digest = run_digest(recording, Graph.of(scenario))
         shutil.rmtree(self.path / UNFINISHED, ignore_errors=True)
         write_bag(

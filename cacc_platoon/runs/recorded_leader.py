@@ -12,15 +12,15 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from cacc_platoon.bags.decode import rows_in_stamp_order
+from cacc_platoon.bags.digest import digest_of
+from cacc_platoon.bags.raw import RawTopic
+from cacc_platoon.bags.read import read_bag
+from cacc_platoon.bags.rows import Recording, TopicRows
 from cacc_platoon.errors import UserError
 from cacc_platoon.model import RecordedMotion
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.names import vehicle_index, vehicle_name
-from cacc_platoon.bags.decode import rows_in_stamp_order
-from cacc_platoon.bags.raw import RawTopic
-from cacc_platoon.bags.read import read_bag
-from cacc_platoon.bags.rows import Recording, TopicRows
-from cacc_platoon.bags.digest import digest_of
 from msg_adapters.stamped import SECOND
 from msg_adapters.topics import Topic, VehicleTopics, role_of
 
@@ -73,7 +73,9 @@ def _locate(scenario: Scenario) -> Path:
     path = Path(scenario.leader.file)
     if not path.exists():
         digest = scenario.leader.digest
-        known = f" ({vehicle_name(scenario.leader.vehicle)}, digest {digest[:12]})" if digest else ""
+        known = (
+            f" ({vehicle_name(scenario.leader.vehicle)}, digest {digest[:12]})" if digest else ""
+        )
         raise _refusal(
             scenario,
             f"is not there, and only it holds the leader's motion{known}. Put it back or name "

@@ -11,22 +11,23 @@ from typing import Any
 
 import numpy as np
 
+from cacc_platoon.bags.decode import Floats, Signal, decode, rows_in_stamp_order
+from cacc_platoon.bags.digest import run_digest
+from cacc_platoon.bags.raw import BagError, Progress, one_line
 from cacc_platoon.bags.read import RawBag, read_bag
-from cacc_platoon.runs.sample_grid import Fault, Grid, group, lay_grid, sample
+from cacc_platoon.bags.rows import TopicRows
+from cacc_platoon.model import RecordedMotion
+from cacc_platoon.runs.arrivals import counted_rows, prompt_arrivals, read_arrivals
+from cacc_platoon.runs.find_platoons import FoundPlatoon, find_platoons
+from cacc_platoon.runs.folder import INFO_FILE
 from cacc_platoon.runs.recorded_scenario import (
     cut_to_samples,
     fit_to_topics,
     recorded_scenario,
 )
-from cacc_platoon.runs.find_platoons import FoundPlatoon, find_platoons
-from cacc_platoon.bags.raw import BagError, Progress, one_line
-from cacc_platoon.bags.decode import Floats, Signal, decode, rows_in_stamp_order
-from cacc_platoon.model import RecordedMotion
-from cacc_platoon.runs.folder import INFO_FILE
+from cacc_platoon.runs.sample_grid import Fault, Grid, group, lay_grid, sample
 from cacc_platoon.scenario import Scenario
-from cacc_platoon.simulation import Trajectory
-from cacc_platoon.bags.rows import TopicRows
-from cacc_platoon.bags.digest import digest_of
+from cacc_platoon.simulation import Arrivals, Trajectory
 from msg_adapters.topics import Graph, Role, Topic
 
 _NAMED_TOPICS = 3
@@ -108,28 +109,30 @@ def read_run(
     platoon = _choose(platoons, bag, namespace, scenario or recorded_scenario(raw, None, None, []))
     notes += _other_platoons(platoons, platoon, raw)
     scenario = _scenario(raw, platoon, folder, scenario, notes)
-    topics = Graph.of(scenario).roles
+    graph = Graph.of(scenario)
+    topics = graph.roles
     signals, faults = _decode_all(raw, topics, notes)
     if not any(len(signal.stamps) for signal in signals.values()):
         raise BagError(f"{bag}: no message of {platoon.prefix} can be read. Give another bag.")
     grid = lay_grid(signals.values(), scenario.step_ns)
-    columns = _columns(topics, signals, grid, faults)
+    arrivals = read_arrivals(raw, graph, signals, grid, faults)
+    columns = _columns(topics, signals, grid, faults, arrivals)
     notes += group(faults)
-    run_digest = digest_of(_Rows(raw, topics), [topic.name for topic in topics.values()])
+    found = run_digest(_Rows(raw, graph), graph)
     recorded = str(info.get("digest") or raw.custom_data.get("digest") or "")
-    if recorded and recorded != run_digest:
+    if recorded and recorded != found:
         notes.append(
-            f"the digest is {run_digest[:12]}, but {recorded[:12]} was written when the run ended: "
+            f"the digest is {found[:12]}, but {recorded[:12]} was written when the run ended: "
             "the messages are not those that were recorded"
         )
     cut = cut_to_samples(scenario, grid, notes)
     return RecordedRun(
         bag,
-        _trajectory(cut, columns),
+        _trajectory(cut, columns, arrivals),
         scenario,
         grid,
         tuple(one_line(note) for note in notes),
-        run_digest,
+        found,
         recorded,
         sum(len(signal.stamps) for signal in signals.values()),
         info,
@@ -247,10 +250,13 @@ def _columns(
     signals: Mapping[Role, Signal],
     grid: Grid,
     faults: list[Fault],
+    arrivals: Mapping[int, Arrivals],
 ) -> dict[Role, Floats]:
     columns: dict[Role, Floats] = {}
     for role in topics:
-        if role in signals:
+        if role.quantity == "received" and role.vehicle in arrivals:
+            columns[role] = np.full(grid.samples, np.nan)
+        elif role in signals:
             columns[role], found = sample(signals[role], grid)
             faults += found
         else:
@@ -258,25 +264,45 @@ def _columns(
     return columns
 
 
-def _trajectory(scenario: Scenario, columns: Mapping[Role, Floats]) -> Trajectory:
+def _trajectory(
+    scenario: Scenario, columns: Mapping[Role, Floats], arrivals: Mapping[int, Arrivals]
+) -> Trajectory:
+    """Return the arrays; what a follower used of a channel that loses is worked out again."""
+
     def stack(quantity: str) -> Floats:
         own = [columns[role] for role in sorted(columns) if role.quantity == quantity]
         return np.stack(own, axis=1)
+
+    received = stack("received")
+    for column, follower in enumerate(scenario.followers):
+        if follower.index in arrivals:
+            used = arrivals[follower.index].used(follower.reception(), len(received))
+            received[:, column] = used
 
     states = (stack("pose"), stack("twist"), stack("accel"))
     if scenario.leader.profile == "bag":  # what led is in this bag too
         led = RecordedMotion(scenario.run.step, *(part[:, 0] for part in states))
         scenario = dataclasses.replace(scenario, recorded_leader=led)
-    return Trajectory(scenario, *states, stack("received"))
+    links = None
+    if arrivals:
+        links = tuple(
+            arrivals.get(follower.index) or prompt_arrivals(received[:, column])
+            for column, follower in enumerate(scenario.followers)
+        )
+    return Trajectory(scenario, *states, received, links)
 
 
 class _Rows(Mapping[str, TopicRows]):
-    """The recording that `digest` reads, one topic in memory at a time."""
+    """The recording that the digest is made of, one topic in memory at a time."""
 
-    def __init__(self, raw: RawBag, topics: Mapping[Role, Topic]) -> None:
-        self._parts = {t.name: raw.topics[t.name] for t in topics.values() if t.name in raw.topics}
+    def __init__(self, raw: RawBag, graph: Graph) -> None:
+        names = [topic.name for topic in graph.run_topics]
+        self._parts = {name: raw.topics[name] for name in names if name in raw.topics}
+        self._counted = counted_rows(raw, graph)
 
     def __getitem__(self, name: str) -> TopicRows:
+        if name in self._counted:
+            return self._counted[name]
         parts = self._parts[name]
         rows = rows_in_stamp_order(parts)
         return TopicRows(parts[0].type_name, np.empty((0, 0), np.uint8) if rows is None else rows)

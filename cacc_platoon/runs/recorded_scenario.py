@@ -6,10 +6,9 @@ import dataclasses
 from pathlib import Path
 
 from cacc_platoon.bags.read import RawBag
-from cacc_platoon.runs.sample_grid import Grid
 from cacc_platoon.runs.find_platoons import FoundPlatoon
-from cacc_platoon.bags.raw import RawTopic
 from cacc_platoon.runs.folder import SCENARIO_FILE
+from cacc_platoon.runs.sample_grid import Grid
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import parse_scenario, scenario_name
 from cacc_platoon.scenario.parameter import ScenarioError
@@ -26,9 +25,7 @@ def recorded_scenario(
         if name.endswith("/scenario") and (
             prefix is None or name == PlatoonTopics(prefix).scenario
         ):
-            texts += [
-                (name, decode_string(data)) for part in parts for data in part.messages()
-            ]
+            texts += [(name, decode_string(data)) for part in parts for data in part.messages()]
     if "scenario" in raw.custom_data:
         texts.append(("metadata.yaml: scenario", raw.custom_data["scenario"]))
     file = folder / SCENARIO_FILE if folder else None

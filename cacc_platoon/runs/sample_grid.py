@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from cacc_platoon.bags.raw import Integers
 from cacc_platoon.bags.decode import Floats, Signal
+from cacc_platoon.bags.raw import Integers
 
 Booleans = npt.NDArray[np.bool_]
 _NEAR = 100  # samples

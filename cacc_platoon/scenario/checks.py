@@ -12,10 +12,11 @@ from typing import Any
 
 from cacc_platoon.errors import UserError
 from cacc_platoon.model import read_speed_profile
-from cacc_platoon.model.channel import MAX_BITS
+from cacc_platoon.model.noise import MAX_BITS
 from cacc_platoon.scenario.follower import Follower
 from cacc_platoon.scenario.names import vehicle_name
 from cacc_platoon.scenario.parameter import ScenarioError, refuse_unknown
+from cacc_platoon.scenario.plugin import check_plugin
 from cacc_platoon.scenario.table import FORMER_NAMES, SNR_DB, TABLE, Leader, Platoon, Run, Vehicle
 
 MAX_SAMPLES = 10**8
@@ -165,6 +166,8 @@ def check_follower(follower: Follower, step: float, source: str) -> None:
         raise TABLE["v2v.bit_probabilities"].refusal(
             list(v2v.bit_probabilities), source, f"must have 1 to {MAX_BITS} values"
         )
+    check_plugin(v2v.channel, TABLE["v2v.channel"], source)
+    check_plugin(follower.law_name, TABLE["controller.law"], source)
     if v2v.hold and not _is_multiple(v2v.hold, step):
         raise TABLE["v2v.hold"].refusal(v2v.hold, source, f"must be a multiple of {step:g} s")
 

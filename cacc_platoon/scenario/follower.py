@@ -5,15 +5,25 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from cacc_platoon.model import (
-    BitChannel,
+    BitNoise,
     Channel,
-    ConstantChannel,
+    ComposedChannel,
+    ConstantNoise,
     ConstantTimeHeadway,
+    ContentNoise,
+    ControlLaw,
     Gains,
+    HoldReception,
+    Impairment,
+    IndependentLoss,
+    Noise,
+    Reception,
     ThirdOrderPlant,
+    ZeroReception,
     expected_factor,
 )
-from cacc_platoon.scenario.table import V2V
+from cacc_platoon.scenario.plugin import load_plugin
+from cacc_platoon.scenario.table import TABLE, V2V
 
 
 @dataclass(frozen=True)
@@ -28,28 +38,65 @@ class Follower:
     v2v: V2V
     seed: int
     hold_steps: int
+    law_name: str = ""
 
     def plant(self, step: float) -> ThirdOrderPlant:
         """Return the vehicle's dynamics at the control period `step` [s]."""
         return ThirdOrderPlant(self.tau, step)
 
-    def law(self) -> ConstantTimeHeadway:
-        """Return the vehicle's control law."""
+    def spacing_policy(self) -> ConstantTimeHeadway:
+        """Return the law of headway and gains, by which spacing errors are measured."""
         return ConstantTimeHeadway(self.gains, self.standstill_distance)
+
+    def law(self) -> ControlLaw:
+        """Return the vehicle's control law; controller.law may name another one."""
+        if self.law_name:
+            made: ControlLaw = load_plugin(self.law_name, "controller.law")(self)
+            return made
+        return self.spacing_policy()
+
+    def noise(self, kind: str | None = None) -> Noise:
+        """Return the content noise of the link, of its own v2v.noise by default.
+
+        Raises
+        ------
+        ScenarioError
+            For a kind that there is not.
+        """
+        v2v = self.v2v
+        match TABLE["v2v.noise"].check(v2v.noise if kind is None else kind, "noise"):
+            case "bits":
+                return BitNoise(
+                    v2v.rho, v2v.bit_probabilities, self.seed, self.index, self.hold_steps
+                )
+            case "expected":
+                return ConstantNoise(expected_factor(v2v.rho, v2v.bit_probabilities))
+            case "none":
+                return ConstantNoise(1.0)
+            case other:
+                raise ValueError(f"v2v.noise = {other} has no branch here")
+
+    def channel(self, noise: str | None = None) -> Channel:
+        """Return the channel of the link from the predecessor; v2v.channel may name another one."""
+        if self.v2v.channel:
+            made: Channel = load_plugin(self.v2v.channel, "v2v.channel")(self)
+            return made
+        impairments: list[Impairment] = [ContentNoise(self.noise(noise))]
+        if self.v2v.loss:
+            impairments.append(IndependentLoss(self.v2v.loss, self.seed, self.index))
+        return ComposedChannel(impairments)
 
     @property
     def counted(self) -> bool:
         """Whether its channel may lose or delay packets, so that its relay counts them."""
-        return False
+        return self.v2v.loss > 0.0 or bool(self.v2v.channel)
 
-    def channel(self, noise: str | None = None) -> Channel:
-        """Return the channel of the link from the predecessor, with its own `noise` by default."""
-        v2v = self.v2v
-        match noise or v2v.noise:
-            case "bits":
-                return BitChannel(
-                    v2v.rho, v2v.bit_probabilities, self.seed, self.index, self.hold_steps
-                )
-            case "expected":
-                return ConstantChannel(expected_factor(v2v.rho, v2v.bit_probabilities))
-        return ConstantChannel(1.0)
+    def reception(self) -> Reception:
+        """Return what the vehicle makes of the packets that arrive."""
+        match self.v2v.reception:
+            case "hold":
+                return HoldReception()
+            case "zero":
+                return ZeroReception()
+            case other:
+                raise ValueError(f"v2v.reception = {other} has no branch here")

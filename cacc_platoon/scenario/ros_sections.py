@@ -117,7 +117,7 @@ def assign(
 
 def replace(target: dict[str, Any], name: str, value: Any) -> None:
     """Set a value in place of an earlier one, and of another name for the same quantity."""
-    _forget(target, name)
+    forget(target, name)
     target[name] = value
 
 
@@ -132,14 +132,15 @@ def _assign_one(values: Values, pattern: str, graph: SectionTargets, name: str, 
     if common and (vehicles or not reader):
         values.common[name] = value
         for own in values.overrides.values():
-            _forget(own, name)
+            forget(own, name)
         return True
     for index in vehicles:
         values.overrides.setdefault(index, {})[name] = value
     return bool(vehicles)
 
 
-def _forget(target: dict[str, Any], name: str) -> None:
+def forget(target: dict[str, Any], name: str) -> None:
+    """Take a value away, and that of another name for the same quantity."""
     for other in SAME_QUANTITY if name in SAME_QUANTITY else (name,):
         target.pop(other, None)
 

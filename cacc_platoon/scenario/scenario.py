@@ -30,7 +30,8 @@ from cacc_platoon.scenario.checks import (
     with_leader_file,
 )
 from cacc_platoon.scenario.follower import Follower
-from cacc_platoon.scenario.names import NodeKind, NodeName, vehicle_name
+from cacc_platoon.scenario.names import NodeKind, NodeName, vehicle_index, vehicle_name
+from cacc_platoon.scenario.ros_sections import forget, replace
 from cacc_platoon.scenario.table import (
     GROUPS,
     TABLE,
@@ -124,6 +125,40 @@ class Scenario:
             where = f"{vehicle_name(follower.index)}: " if follower.index in self.overrides else ""
             check_follower(follower, self.run.step, f"{source}: {where}".rstrip(": "))
 
+    def with_values(self, values: Mapping[str, Any]) -> Scenario:
+        """Return this scenario with some values replaced, checked anew.
+
+        Parameters
+        ----------
+        values : Mapping of str to value
+            By dotted name, `vehicle_<i>.` before it for one follower alone. A value for all
+            replaces those of single followers too.
+
+        Raises
+        ------
+        ScenarioError
+            As from `from_values`.
+
+        Examples
+        --------
+        >>> scenario = Scenario().with_values({"run.seed": 2, "vehicle_3.controller.k_v": 0.7})
+        >>> scenario.run.seed, scenario.follower(3).gains.k_v, scenario.follower(4).gains.k_v
+        (2, 0.7, 0.63)
+        """
+        common = self.values()
+        overrides = {index: dict(own) for index, own in self.overrides.items()}
+        for name, value in values.items():
+            vehicle, _, rest = name.partition(".")
+            index = vehicle_index(vehicle)
+            if index is not None:
+                replace(overrides.setdefault(index, {}), rest, value)
+                continue
+            replace(common, name, value)
+            for own in overrides.values():
+                forget(own, name)
+        changed = Scenario.from_values(common, overrides, self.name)
+        return dataclasses.replace(changed, name=self.name, recorded_leader=self.recorded_leader)
+
     def values(self) -> dict[str, Any]:
         """Return every common parameter by its dotted name."""
         return {name: _read(self, name) for name in TABLE}
@@ -143,6 +178,7 @@ class Scenario:
             v2v,
             self.run.seed,
             max(1, round(v2v.hold / self.run.step)),
+            picked["controller.law"],
         )
 
     @property

@@ -72,6 +72,9 @@ class Controller:
         above=0.0,
         consequence="spacing errors would never be corrected",
     )
+    law: str = parameter(
+        "", "-", "a control law of your own, module:Class, in place of time headway and gains"
+    )
 
 
 @dataclass(frozen=True)
@@ -105,6 +108,22 @@ class V2V:
         "the time one draw of the noise is held, 0 for every step",
         at_least=0.0,
         at_most=1e6,
+    )
+    loss: float = parameter(
+        0.0,
+        "-",
+        "the probability that a packet is lost, whatever happens to the others",
+        at_least=0.0,
+        at_most=1.0,
+    )
+    reception: str = parameter(
+        "hold",
+        "-",
+        "what a follower uses while packets are lost: the newest value, or zero",
+        choices=("hold", "zero"),
+    )
+    channel: str = parameter(
+        "", "-", "a channel of your own, module:Class, in place of noise and loss"
     )
 
 

@@ -2,20 +2,21 @@
 
 from cacc_platoon.simulation.monte_carlo import Ensemble, monte_carlo, with_seed
 from cacc_platoon.simulation.platoon import (
-    channel_factors,
     initial_positions,
     propagate,
     simulate,
+    simulate_mean,
 )
-from cacc_platoon.simulation.trajectory import Trajectory
+from cacc_platoon.simulation.trajectory import Arrivals, Trajectory
 
 __all__ = [
+    "Arrivals",
     "Ensemble",
     "Trajectory",
-    "channel_factors",
     "initial_positions",
     "monte_carlo",
     "propagate",
     "simulate",
+    "simulate_mean",
     "with_seed",
 ]

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cacc_platoon.scenario import Scenario
-from cacc_platoon.simulation.platoon import Progress, channel_factors, propagate
+from cacc_platoon.simulation.links import links_of, plan_links
+from cacc_platoon.simulation.platoon import Progress, propagate
 from cacc_platoon.simulation.trajectory import Array, Trajectory
 
 BATCH_VALUES = 3_000_000
@@ -74,9 +75,9 @@ def monte_carlo(scenario: Scenario, runs: int, progress: Progress | None = None)
 def _spacing_errors(scenario: Scenario, seeds: range) -> Array:
     """Return the spacing errors of a batch, shape (samples, len(seeds), N)."""
     members = [with_seed(scenario, scenario.run.seed + offset) for offset in seeds]
-    factors = np.stack([channel_factors(member, "bits") for member in members], axis=1)
-    position, velocity, acceleration = (
-        part.reshape(-1, part.shape[-1]) for part in propagate(scenario, factors)
+    states = propagate(
+        scenario, links_of([plan_links(one, "bits") for one in members]), runs=len(seeds)
     )
+    position, velocity, acceleration = (part.reshape(-1, part.shape[-1]) for part in states)
     trajectory = Trajectory(scenario, position, velocity, acceleration, received=np.empty((0, 0)))
-    return trajectory.spacing_error.reshape(factors.shape)
+    return trajectory.spacing_error.reshape(-1, len(seeds), scenario.platoon.followers)

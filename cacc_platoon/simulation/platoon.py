@@ -2,15 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from cacc_platoon.model import ConstantTimeHeadway, Gains, State, ThirdOrderPlant, sample_profile
-from cacc_platoon.scenario import Scenario
+from cacc_platoon.model import (
+    ConstantTimeHeadway,
+    ControlLaw,
+    Gains,
+    State,
+    ThirdOrderPlant,
+    sample_profile,
+)
+from cacc_platoon.scenario import Follower, Scenario
+from cacc_platoon.simulation.links import (
+    ChannelFactory,
+    Links,
+    MeanLinks,
+    PromptLinks,
+    links_of,
+    plan_links,
+)
 from cacc_platoon.simulation.trajectory import Array, Trajectory
 
 Progress = Callable[[int, int], None]
+LawFactory = Callable[[Follower], ControlLaw]
 
 
 def initial_positions(scenario: Scenario) -> list[float]:
@@ -25,7 +41,12 @@ def initial_positions(scenario: Scenario) -> list[float]:
 
 
 def simulate(
-    scenario: Scenario, noise: str | None = None, progress: Progress | None = None
+    scenario: Scenario,
+    noise: str | None = None,
+    progress: Progress | None = None,
+    *,
+    channel: ChannelFactory | None = None,
+    law: LawFactory | None = None,
 ) -> Trajectory:
     """Run the platoon of a scenario without ROS.
 
@@ -37,6 +58,13 @@ def simulate(
         Replaces every follower's v2v.noise.
     progress : callable, optional
         Called now and then with the sample reached and the number of samples.
+    channel, law : callable, optional
+        Make another channel, or control law, from each follower's parameters.
+
+    Raises
+    ------
+    ScenarioError
+        For another noise than these.
 
     Examples
     --------
@@ -44,44 +72,68 @@ def simulate(
     >>> float(run.platoon_length[0])
     345.0
     """
-    factors = channel_factors(scenario, noise)
-    states = propagate(scenario, factors[:, np.newaxis, :], progress)
+    plans = plan_links(scenario, noise, channel)
+    links = links_of([plans])
+    states = propagate(scenario, links, progress, law=law)
     position, velocity, acceleration = (np.ascontiguousarray(part[:, 0]) for part in states)
-    with np.errstate(all="ignore"):
-        received = factors * acceleration[:, :-1]
+    arrivals = None
+    if not isinstance(links, PromptLinks):
+        arrivals = tuple(plan.arrivals(acceleration[:, i]) for i, plan in enumerate(plans))
+    return Trajectory(
+        scenario, position, velocity, acceleration, _received(links, states[2])[:, 0], arrivals
+    )
+
+
+def simulate_mean(scenario: Scenario) -> Trajectory:
+    """Run the mean system of a scenario: the expectation of all its noisy, lossy runs.
+
+    Examples
+    --------
+    >>> scenario = Scenario.from_values({"run.duration": 11.0, "v2v.noise": "expected"})
+    >>> run, mean = simulate(scenario), simulate_mean(scenario)
+    >>> bool((run.position == mean.position).all())
+    True
+    """
+    states = propagate(scenario, MeanLinks(scenario.followers))
+    position, velocity, acceleration = (np.ascontiguousarray(part[:, 0]) for part in states)
+    received = _received(MeanLinks(scenario.followers), states[2])[:, 0]
     return Trajectory(scenario, position, velocity, acceleration, received)
 
 
-def channel_factors(scenario: Scenario, noise: str | None = None) -> Array:
-    """Return the noise factors w of every link, shape (samples, N)."""
-    samples = scenario.samples
-    links = [follower.channel(noise).factors(0, samples) for follower in scenario.followers]
-    return np.stack(links, axis=1)
+@np.errstate(all="ignore")
+def _received(links: Links, acceleration: Array) -> Array:
+    """Return what the followers used at every sample, shape (samples, runs, N)."""
+    return np.stack([links.received(k, acceleration) for k in range(len(acceleration))])
 
 
 @np.errstate(all="ignore")  # an unstable platoon overflows, and that is its result
 def propagate(
-    scenario: Scenario, factors: Array, progress: Progress | None = None
+    scenario: Scenario,
+    links: Links,
+    progress: Progress | None = None,
+    *,
+    runs: int = 1,
+    law: LawFactory | None = None,
 ) -> tuple[Array, Array, Array]:
-    """Integrate many runs of one platoon that differ in their noise.
+    """Integrate many runs of one platoon that differ in their links.
 
     Parameters
     ----------
     scenario : Scenario
         What to run.
-    factors : ndarray, shape (samples, runs, N)
-        Noise factors w of every run and link.
+    links : Links
+        What the followers receive.
+    runs : int, optional
+        How many runs.
 
     Returns
     -------
     tuple of three ndarray, shape (samples, runs, N + 1)
         Position [m], velocity [m/s] and acceleration [m/s^2].
     """
-    samples, runs, _ = factors.shape
-    followers = scenario.followers
+    samples, followers = scenario.samples, scenario.followers
     plant = ThirdOrderPlant(np.array([follower.tau for follower in followers]), scenario.run.step)
-    gains = np.array([follower.gains for follower in followers]).T
-    law = ConstantTimeHeadway(Gains(*gains), scenario.platoon.standstill_distance)
+    command = _command(followers, law)
     history = np.empty((3, samples, runs, len(followers) + 1))
     history[:, :, :, 0] = sample_profile(scenario.leader_profile(), scenario.run.step, samples)[
         :, :, np.newaxis
@@ -91,17 +143,34 @@ def propagate(
     history[2, 0, :, 1:] = 0.0
     for k in range(samples - 1):
         position, velocity, acceleration = history[:, k]
-        command = law.command(
+        u = command(
             position[:, 1:],
             velocity[:, 1:],
             position[:, :-1],
             velocity[:, :-1],
-            factors[k] * acceleration[:, :-1],
+            links.received(k, history[2]),
         )
         state = State(position[:, 1:], velocity[:, 1:], acceleration[:, 1:])
         history[0, k + 1, :, 1:], history[1, k + 1, :, 1:], history[2, k + 1, :, 1:] = (
-            plant.advance(state, command)
+            plant.advance(state, u)
         )
         if progress and k % 500 == 0:
             progress(k, samples)
     return history[0], history[1], history[2]
+
+
+def _command(followers: Sequence[Follower], law: LawFactory | None) -> Callable[..., Array]:
+    """Return the control laws of all followers as one function of arrays of shape (runs, N)."""
+    if law is None and not any(follower.law_name for follower in followers):
+        gains = Gains(*np.array([follower.gains for follower in followers]).T)
+        return ConstantTimeHeadway(gains, followers[0].standstill_distance).command
+    laws = [law(follower) if law else follower.law() for follower in followers]
+
+    def command(*inputs: Array) -> Array:
+        columns = [
+            one.command(*(part[:, i] for part in inputs))  # type: ignore[arg-type]
+            for i, one in enumerate(laws)
+        ]
+        return np.stack(columns, axis=1)
+
+    return command

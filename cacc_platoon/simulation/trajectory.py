@@ -4,14 +4,37 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
+from cacc_platoon.model import Delivery, Reception
+from cacc_platoon.model.reception import picked
 from cacc_platoon.scenario import Scenario
 
 Array: TypeAlias = npt.NDArray[np.float64]
+
+
+class Arrivals(NamedTuple):
+    """What one follower received over V2V, in the order of delivery; arrays of one length.
+
+    Attributes
+    ----------
+    source, sample : ndarray of int64
+        Sample it was sent at, and the one it was delivered at.
+    value : ndarray
+        Received acceleration [m/s^2].
+    """
+
+    source: npt.NDArray[np.int64]
+    sample: npt.NDArray[np.int64]
+    value: Array
+
+    def used(self, reception: Reception, samples: int) -> Array:
+        """Return the acceleration [m/s^2] that the receiver uses at each sample, (samples,)."""
+        chosen = reception.chosen(Delivery(*self), samples)
+        return picked(self.value, chosen, 0.0)
 
 
 @dataclass(frozen=True)
@@ -26,7 +49,11 @@ class Trajectory:
         x_i [m], v_i [m/s] and a_i [m/s^2] at t = k T; column 0 is the leader, the others are
         those of `scenario.indices`.
     received : ndarray, shape (samples, N)
-        w a_{i-1} [m/s^2] as the followers received it; column 0 is the first follower.
+        Acceleration [m/s^2] that the followers used, w a_{i-1} where every packet arrives; column
+        0 is the first follower.
+    arrivals : tuple of Arrivals or None
+        What arrived at each follower, where packets may be lost or late; None where every sample's
+        packet arrives at that sample.
     """
 
     scenario: Scenario
@@ -34,6 +61,7 @@ class Trajectory:
     velocity: Array
     acceleration: Array
     received: Array
+    arrivals: tuple[Arrivals, ...] | None = None
 
     @cached_property
     def time(self) -> Array:
@@ -44,7 +72,7 @@ class Trajectory:
     def spacing_error(self) -> Array:
         """delta_i [m] of followers 1..N, shape (samples, N); positive means too close."""
         columns = [
-            follower.law().spacing_error(
+            follower.spacing_policy().spacing_error(
                 self.position[:, column],
                 self.velocity[:, column],
                 self.position[:, column - 1],

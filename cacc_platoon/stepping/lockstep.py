@@ -1,8 +1,8 @@
 """Lockstep without ROS: what a follower, a relay and a leader do with each sample, in order.
 
 A follower steps to sample k + 1 as soon as it holds the predecessor's position and velocity of
-sample k and the received acceleration of sample k, whatever order they arrive in. All objects
-here take and give stamped values [ns]; publishing is a function they are given.
+sample k and knows what its channel has delivered up to k, whatever order they arrive in. All
+objects here take and give stamped values [ns]; publishing is a function they are given.
 """
 
 from __future__ import annotations
@@ -11,9 +11,17 @@ import math
 from collections import deque
 from collections.abc import Callable
 
-from cacc_platoon.model import ControlLaw, FactorStream, LeaderProfile, State, ThirdOrderPlant
-from cacc_platoon.scenario import Follower, Scenario
+from cacc_platoon.model import (
+    Channel,
+    ControlLaw,
+    DeliveryStream,
+    LeaderProfile,
+    State,
+    ThirdOrderPlant,
+)
+from cacc_platoon.scenario import Follower, Scenario, ScenarioError
 from cacc_platoon.scenario.names import vehicle_name
+from cacc_platoon.stepping.deliveries import CountedInbox, Inbox, PromptInbox
 
 
 class LockstepError(Exception):
@@ -23,6 +31,7 @@ class LockstepError(Exception):
 PublishState = Callable[[int, State[float]], None]
 PublishCommand = Callable[[int, float, float, float], None]
 PublishAcceleration = Callable[[int, float], None]
+PublishCount = Callable[[int, int], None]
 
 
 def _seconds(stamp: int) -> str:
@@ -78,8 +87,8 @@ class LockstepFollower:
         self._step_ns = scenario.step_ns
         self._end = (scenario.samples - 1) * self._step_ns
         self._plant: ThirdOrderPlant = follower.plant(scenario.run.step)
-        self._spacing_law = follower.law()
-        self._law: ControlLaw = law or self._spacing_law
+        self._spacing_policy = follower.spacing_policy()
+        self._law: ControlLaw = law or follower.law()
         self._speed = scenario.platoon.initial_speed
         self._equilibrium_spacing = follower.standstill_distance + (
             follower.gains.time_headway * self._speed
@@ -94,7 +103,12 @@ class LockstepFollower:
         self._velocity_sequence = Sequence(f"{self._name}: twist of {predecessor}", self._step_ns)
         self._positions: deque[float] = deque()
         self._velocities: deque[float] = deque()
-        self._received: dict[int, float] = {}
+        self._inbox: Inbox = (
+            CountedInbox(follower.reception(), self._step_ns) if follower.counted else PromptInbox()
+        )
+        self._counted = follower.counted
+        self._count = 0
+        self._count_sequence = Sequence(f"{self._name}: v2v/complete", self._step_ns)
 
     def take_position(self, stamp: int, position: float) -> None:
         """Accept the predecessor's position [m]; the first one places this vehicle behind it."""
@@ -114,24 +128,33 @@ class LockstepFollower:
 
     def take_acceleration(self, stamp: int, acceleration: float) -> None:
         """Accept the received acceleration w a_{i-1} [m/s^2]."""
-        if stamp < self._stamp or stamp in self._received or stamp % self._step_ns:
+        again = not self._counted and (stamp < self._stamp or stamp in self._inbox)
+        if again or stamp % self._step_ns:
             raise LockstepError(
                 f"{self._name}: v2v/accel is stamped {_seconds(stamp)}, which it has already or "
                 "which is no sample: it comes from another publisher"
             )
-        self._received[stamp] = acceleration
+        self._inbox.take(stamp, acceleration)
         self._advance()
 
-    def take_loss(self, stamp: int) -> None:
-        """Accept that the channel delivers nothing for a sample; the law then uses 0."""
-        self.take_acceleration(stamp, 0.0)
+    def take_count(self, stamp: int, count: float) -> None:
+        """Accept that the relay is done with a sample and has published `count` messages in all."""
+        self._count_sequence.take(stamp)
+        if not (count.is_integer() and self._count <= count):
+            raise LockstepError(
+                f"{self._name}: v2v/complete of {_seconds(stamp)} counts {count:g} messages after "
+                f"{self._count}: it comes from another publisher"
+            )
+        self._count = int(count)
+        self._inbox.count(stamp, self._count)
+        self._advance()
 
     def _advance(self) -> None:
         stamp = self._stamp
-        received = self._received
-        while self._positions and self._velocities and stamp in received:
+        inbox = self._inbox
+        while self._positions and self._velocities and stamp in inbox:
             self._step(
-                stamp, self._positions.popleft(), self._velocities.popleft(), received.pop(stamp)
+                stamp, self._positions.popleft(), self._velocities.popleft(), inbox.pop(stamp)
             )
             stamp = self._stamp
 
@@ -149,8 +172,8 @@ class LockstepFollower:
                 f"received acceleration {acceleration} m/s^2"
             )
         if self._publish_command:
-            delta = self._spacing_law.spacing_error(state.position, state.velocity, position)
-            gap_error = state.position - position + self._spacing_law.standstill_distance
+            delta = self._spacing_policy.spacing_error(state.position, state.velocity, position)
+            gap_error = state.position - position + self._spacing_policy.standstill_distance
             self._publish_command(stamp, command, delta, gap_error)
         if stamp < self._end:
             self._state = state = self._plant.advance(state, command)
@@ -158,23 +181,62 @@ class LockstepFollower:
 
 
 class LockstepRelay:
-    """The channel of one link: what the predecessor sends, times w of that sample."""
+    """The channel of one link: delivers what the predecessor sends as the channel says.
+
+    Parameters
+    ----------
+    follower : Follower
+        The receiver.
+    scenario : Scenario
+        The run it belongs to.
+    publish : callable
+        Called with source stamp [ns] and received acceleration of every packet delivered.
+    publish_count : callable, optional
+        Called with stamp [ns] and the number of packets delivered so far, for every sample.
+    channel : Channel, optional
+        Replaces the channel of the scenario.
+
+    Raises
+    ------
+    ScenarioError
+        When the channel may lose or delay packets and the scenario does not say so.
+    """
 
     def __init__(
-        self, follower: Follower, scenario: Scenario, publish: PublishAcceleration
+        self,
+        follower: Follower,
+        scenario: Scenario,
+        publish: PublishAcceleration,
+        publish_count: PublishCount | None = None,
+        channel: Channel | None = None,
     ) -> None:
-        name = f"{vehicle_name(follower.index)}: accel of {vehicle_name(follower.index - 1)}"
-        self._sequence = Sequence(name, scenario.step_ns)
-        self._factors = FactorStream(follower.channel())
-        self._sample = 0
-        self._publish = publish
+        name = vehicle_name(follower.index)
+        channel = channel or follower.channel()
+        if not (channel.prompt or follower.counted):
+            raise ScenarioError(
+                f"{name}: its channel may lose or delay packets and the scenario does not say so: "
+                "receiver and recorder would wait for every packet. Set v2v.loss or v2v.channel."
+            )
+        self._step_ns = scenario.step_ns
+        self._sequence = Sequence(
+            f"{name}: accel of {vehicle_name(follower.index - 1)}", scenario.step_ns
+        )
+        self._deliveries = DeliveryStream(channel)
+        self._sent: deque[float] = deque(maxlen=channel.longest_delay + 1)
+        self._sample = self._count = 0
+        self._publish, self._publish_count = publish, publish_count
 
     def take(self, stamp: int, acceleration: float) -> None:
-        """Accept the predecessor's acceleration [m/s^2] and pass it on."""
+        """Accept the predecessor's acceleration [m/s^2] and deliver what is due."""
         self._sequence.take(stamp)
-        factor = self._factors.at(self._sample)
-        self._sample += 1
-        self._publish(stamp, factor * acceleration)
+        sample, sent = self._sample, self._sent
+        self._sample = sample + 1
+        sent.append(acceleration)
+        for source, factor in self._deliveries.at(sample):
+            self._publish(source * self._step_ns, factor * sent[source - sample - 1])
+            self._count += 1
+        if self._publish_count:
+            self._publish_count(stamp, self._count)
 
 
 class LockstepLeader:

@@ -14,7 +14,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from cacc_platoon.errors import UserError
-from cacc_platoon.model import ControlLaw
+from cacc_platoon.model import Channel, ControlLaw
 from cacc_platoon.nodes.executor import create_executor, spin_for
 from cacc_platoon.nodes.leader import LeaderNode
 from cacc_platoon.nodes.node import RECORD_PARAMETER, PlatoonNode
@@ -58,18 +58,18 @@ Made = TypeVar("Made")
 
 
 def leader() -> int:
-    """Run the leader by hand."""
+    """Run the leader."""
     return _run_node("leader", LeaderNode, 0)
 
 
 def vehicle(law: Callable[[Follower], ControlLaw] | None = None) -> int:
-    """Run a follower by hand; `law` may make another control law from its parameters."""
+    """Run a follower; `law` may make another control law from its parameters."""
     return _run_node("vehicle", lambda: VehicleNode(law=law), 1)
 
 
-def noise_relay() -> int:
-    """Run a noise relay by hand."""
-    return _run_node("noise_relay", NoiseRelayNode, 1)
+def noise_relay(channel: Callable[[Follower], Channel] | None = None) -> int:
+    """Run a noise relay; `channel` may make another channel from the follower's parameters."""
+    return _run_node("noise_relay", lambda: NoiseRelayNode(channel=channel), 1)
 
 
 def _run_node(name: str, create: Callable[[], PlatoonNode], example_index: int) -> int:

@@ -52,7 +52,7 @@ def mean_square_index(
     k_effective : float
         ``k_a E[w]``.
     variance : float
-        ``Var[w]`` of one draw, see ``cacc_platoon.model.channel.factor_variance``.
+        ``Var[w]`` of one draw, see ``cacc_platoon.model.noise.factor_variance``.
     redraw_period : float
         Time ``Tc`` between draws [s].
 

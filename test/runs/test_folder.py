@@ -9,10 +9,10 @@ from rosbags.rosbag2 import Reader
 
 from cacc_platoon.errors import UserError
 from cacc_platoon.runs.folder import RunFolder
-from cacc_platoon.scenario import Scenario
-from cacc_platoon.simulation import simulate
 from cacc_platoon.runs.parts import PartWriter
 from cacc_platoon.runs.recording import recording_of
+from cacc_platoon.scenario import Scenario
+from cacc_platoon.simulation import simulate
 from msg_adapters.topics import Graph
 
 SCENARIO = Scenario.from_values({"run.duration": 10.0, "platoon.followers": 2}, None, "short")

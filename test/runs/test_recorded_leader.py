@@ -6,16 +6,16 @@ import shutil
 import numpy as np
 import pytest
 
+from cacc_platoon.bags import read_bag, write_bag
+from cacc_platoon.bags.decode import rows_in_stamp_order
+from cacc_platoon.bags.rows import TopicRows
 from cacc_platoon.cli.simulate import simulate_run
 from cacc_platoon.errors import UserError
+from cacc_platoon.runs.recorded_leader import with_recorded_leader
+from cacc_platoon.runs.recording import recording_of
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import format_scenario, load_scenario, parse_scenario
 from cacc_platoon.simulation import simulate
-from cacc_platoon.bags import read_bag, write_bag
-from cacc_platoon.bags.decode import rows_in_stamp_order
-from cacc_platoon.runs.recorded_leader import with_recorded_leader
-from cacc_platoon.bags.rows import TopicRows
-from cacc_platoon.runs.recording import recording_of
 from msg_adapters.topics import VehicleTopics
 
 FRONT = {"platoon.followers": 3, "run.duration": 2.0, "leader.start": 0.3, "leader.amplitude": 2.0}

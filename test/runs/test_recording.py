@@ -6,14 +6,14 @@ import hashlib
 import numpy as np
 import pytest
 
+from cacc_platoon.bags.digest import run_digest
+from cacc_platoon.bags.rows import TopicRows
+from cacc_platoon.model import Topology
+from cacc_platoon.runs.parts import PartWriter, read_parts
+from cacc_platoon.runs.recording import recording_of
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.simulation import simulate
-from cacc_platoon.runs.parts import PartWriter, read_parts
-from cacc_platoon.bags.rows import TopicRows
-from cacc_platoon.bags.digest import run_digest
-from cacc_platoon.runs.recording import recording_of, trajectory_of
-from cacc_platoon.model import Topology
-from msg_adapters.topics import VehicleTopics, Graph
+from msg_adapters.topics import Graph, VehicleTopics
 
 THREE = Graph("/platoon", Topology(range(1, 4)))
 SCENARIO = Scenario.from_values(
@@ -55,24 +55,6 @@ def test_messages_are_what_each_vehicle_would_publish(trajectory, recording):
     assert recording[received.name].messages[9].tobytes() == received.codec.encode(
         90_000_000, trajectory.received[9, 1]
     )
-
-
-def test_a_recording_gives_back_the_trajectory_to_the_last_bit(trajectory, recording):
-    back = trajectory_of(recording, SCENARIO)
-    for name in ("position", "velocity", "acceleration", "received"):
-        assert getattr(back, name).tobytes() == getattr(trajectory, name).tobytes()
-
-
-def test_a_recording_is_cut_to_what_every_topic_has(trajectory, recording):
-    name = "/platoon/vehicle_2/twist"
-    short = {**recording, name: recording[name]._replace(messages=recording[name].messages[:50])}
-    assert len(trajectory_of(short, SCENARIO).position) == 50
-
-
-def test_a_missing_topic_is_named(recording):
-    name = "/platoon/vehicle_1/v2v/accel"
-    with pytest.raises(KeyError, match=name):
-        trajectory_of({key: value for key, value in recording.items() if key != name}, SCENARIO)
 
 
 def test_the_digest_is_the_hash_of_the_sorted_topic_hashes(recording):

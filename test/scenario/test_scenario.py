@@ -288,7 +288,7 @@ def test_each_profile_is_what_its_parameters_say():
 
 def test_each_kind_of_noise_has_its_channel():
     def first(values):
-        return parse_scenario(document(values), "my.yaml").follower(2).channel().factors(0, 50)
+        return parse_scenario(document(values), "my.yaml").follower(2).noise().factors(0, 50)
 
     assert set(first("{v2v: {noise: none}}")) == {1.0}
     assert set(first("{v2v: {noise: expected}}")) == {expected_factor(5.0, PAPER_BITS)}

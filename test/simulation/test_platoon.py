@@ -7,10 +7,11 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from cacc_platoon.model import FactorStream, State
+from cacc_platoon.model import DeliveryStream, State
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import load_scenario
-from cacc_platoon.simulation import channel_factors, initial_positions, propagate, simulate
+from cacc_platoon.simulation import initial_positions, propagate, simulate
+from cacc_platoon.simulation.links import links_of, plan_links
 
 CONFIG = Path(__file__).parents[2] / "config"
 
@@ -97,7 +98,7 @@ def test_a_platoon_of_unlike_vehicles_against_a_reference_written_out():
         following = []
         for follower in MIXED.followers:
             ahead, own = states[follower.index - 1], states[follower.index]
-            w = follower.channel().factors(k, k + 1)[0]
+            w = follower.noise().factors(k, k + 1)[0]
             headway, k_a, k_v, k_p = follower.gains
             delta = own.position - ahead.position + 5.0 + headway * own.velocity
             u = k_a * w * ahead.acceleration - k_v * (own.velocity - ahead.velocity) - k_p * delta
@@ -116,7 +117,7 @@ def test_node_arithmetic_is_the_array_arithmetic_to_the_last_bit():
     run = simulate(MIXED)
     plants = [follower.plant(MIXED.run.step) for follower in MIXED.followers]
     laws = [follower.law() for follower in MIXED.followers]
-    streams = [FactorStream(follower.channel()) for follower in MIXED.followers]
+    streams = [DeliveryStream(follower.channel()) for follower in MIXED.followers]
     leader = MIXED.leader_profile()
     states = [State(x, 20.0, 0.0) for x in initial_positions(MIXED)]
     for k in range(MIXED.samples):
@@ -126,7 +127,9 @@ def test_node_arithmetic_is_the_array_arithmetic_to_the_last_bit():
         after = list(states)
         for i, (plant, law, stream) in enumerate(zip(plants, laws, streams, strict=True)):
             ahead, own = states[i], states[i + 1]
-            received = stream.at(k) * ahead.acceleration
+            [(source, factor)] = stream.at(k)
+            assert source == k
+            received = factor * ahead.acceleration
             assert received == run.received[k, i]
             command = law.command(
                 own.position, own.velocity, ahead.position, ahead.velocity, received
@@ -164,10 +167,10 @@ def test_the_continuous_system_is_approached_as_the_step_shrinks():
 
 
 def test_runs_in_a_batch_do_not_touch_each_other():
-    factors = np.stack([channel_factors(MIXED, noise) for noise in ("bits", "none")], axis=1)
-    together = propagate(MIXED, factors)
+    plans = [plan_links(MIXED, noise) for noise in ("bits", "none")]
+    together = propagate(MIXED, links_of(plans), runs=2)
     for r in range(2):
-        alone = propagate(MIXED, factors[:, r : r + 1])
+        alone = propagate(MIXED, links_of(plans[r : r + 1]))
         for whole, single in zip(together, alone, strict=True):
             np.testing.assert_array_equal(whole[:, r], single[:, 0])
 
@@ -211,8 +214,9 @@ def test_progress_is_told():
 def test_every_link_draws_its_own_noise(first):
     followers = {"platoon.followers": 12, "platoon.first_follower": first}
     scenario = Scenario.from_values({**followers, "run.duration": 1.0})
-    links = [scenario.follower(i).channel().factors(0, 200) for i in scenario.indices]
+    links = [scenario.follower(i).noise().factors(0, 200) for i in scenario.indices]
     for one, link in enumerate(links):
         for other in links[:one]:
             assert (link != other).mean() > 0.5  # 16 bits: two draws are hardly ever equal
-    np.testing.assert_array_equal(channel_factors(scenario)[:101], np.array(links).T[:101])
+    plans = [plan.factor for plan in plan_links(scenario)]
+    np.testing.assert_array_equal(np.array(plans)[:, :101], np.array(links)[:, :101])

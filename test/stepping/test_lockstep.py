@@ -69,19 +69,6 @@ def test_received_accelerations_may_overtake_each_other() -> None:
     assert len(in_order) == 4
 
 
-def test_a_sample_the_channel_does_not_deliver_counts_as_zero() -> None:
-    lost: list[tuple[int, State[float]]] = []
-    zero: list[tuple[int, State[float]]] = []
-    cores = follower_1(lost), follower_1(zero)
-    cores[0].take_loss(0)
-    cores[1].take_acceleration(0, 0.0)
-    for core in cores:
-        core.take_position(0, 0.0)
-        core.take_velocity(0, 25.5)
-    assert lost == zero
-    assert len(lost) == 2
-
-
 @pytest.mark.parametrize("stream", ["take_position", "take_velocity"])
 @pytest.mark.parametrize("stamp", [STEP, 2 * STEP, 1, -STEP])
 def test_a_stamp_that_is_not_due_is_refused(stream: str, stamp: int) -> None:
@@ -119,7 +106,7 @@ def test_the_relay_multiplies_by_the_factor_of_the_sample() -> None:
     relay = LockstepRelay(follower, SCENARIO, lambda stamp, a: sent.append((stamp, a)))
     for k in range(50):
         relay.take(k * STEP, 1.0)
-    assert [a for _, a in sent] == follower.channel().factors(0, 50).tolist()
+    assert [a for _, a in sent] == follower.noise().factors(0, 50).tolist()
     with pytest.raises(LockstepError, match="accel of vehicle_1"):
         relay.take(49 * STEP, 1.0)
 

@@ -1,7 +1,7 @@
-"""V2V channels: what becomes of the predecessor's acceleration on its way (paper, section III-A).
+"""Content noise: the factor w that multiplies the communicated acceleration (paper, III-A).
 
-A channel multiplies a_{i-1} by w. The bit channel draws w from n binary random variables,
-w = (1 - 1/rho) + (1/rho) sum_j z_j 2^-j, keyed by (seed, link, sample) and never by arrival.
+n-bit noise draws w from n binary random variables, w = (1 - 1/rho) + (1/rho) sum_j z_j 2^-j,
+keyed by (seed, link, sample) and never by arrival.
 """
 
 from __future__ import annotations
@@ -12,15 +12,13 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-STREAM_VERSION = 1
-BLOCK = 8192
-"""Draws per keyed block; part of the stream's definition together with STREAM_VERSION."""
+from cacc_platoon.model.keyed_random import BLOCK, from_blocks, keyed_words
 
 MAX_BITS = 32
 
 
-class Channel(Protocol):
-    """The noise factors of one link; replace it to study another channel."""
+class Noise(Protocol):
+    """The noise factors of one link."""
 
     def factors(self, start: int, stop: int) -> npt.NDArray[np.float64]:
         """Return w for the samples start..stop-1, shape (stop - start,)."""
@@ -44,8 +42,8 @@ def factor_variance(rho: float, bit_probabilities: Sequence[float]) -> float:
     return sum(p * (1.0 - p) * 4.0**-j for j, p in enumerate(bit_probabilities)) / rho**2
 
 
-class BitChannel:
-    """The n-bit channel of equation (5): random w, redrawn every `hold` samples.
+class BitNoise:
+    """The n-bit noise of equation (5): random w, redrawn every `hold` samples.
 
     Parameters
     ----------
@@ -62,8 +60,8 @@ class BitChannel:
 
     Examples
     --------
-    >>> channel = BitChannel(5.0, [0.5] * 16, seed=1, link=2)
-    >>> bool((channel.factors(10, 20) == channel.factors(0, 30)[10:20]).all())
+    >>> noise = BitNoise(5.0, [0.5] * 16, seed=1, link=2)
+    >>> bool((noise.factors(10, 20) == noise.factors(0, 30)[10:20]).all())
     True
     """
 
@@ -80,18 +78,14 @@ class BitChannel:
     def factors(self, start: int, stop: int) -> npt.NDArray[np.float64]:
         """Return w for the samples start..stop-1, shape (stop - start,)."""
         first, last = start // self._hold, -(-stop // self._hold)
-        draws = np.empty(last - first)
-        for block in range(first // BLOCK, -(-last // BLOCK)):
-            begin, end = max(first, block * BLOCK), min(last, (block + 1) * BLOCK)
-            values = self._draw(block)
-            draws[begin - first : end - first] = values[begin - block * BLOCK : end - block * BLOCK]
+        draws = from_blocks(self._draw, first, last)
         if self._hold == 1:
             return draws
         return draws[np.arange(start, stop) // self._hold - first]
 
     def _draw(self, block: int) -> npt.NDArray[np.float64]:
-        key = np.random.SeedSequence(self._seed, spawn_key=(STREAM_VERSION, self._link, block))
-        words = np.random.SFC64(key).random_raw(BLOCK * len(self._thresholds) // 2)
+        source = keyed_words(self._seed, self._link, block)
+        words = source.random_raw(BLOCK * len(self._thresholds) // 2)
         uniform = words.astype("<u8", copy=False).view("<u4").reshape(-1, BLOCK)
         code = np.zeros(BLOCK, np.uint32)
         for bit in uniform < self._thresholds:
@@ -100,8 +94,8 @@ class BitChannel:
         return self._floor + code / (self._scale * self._rho)
 
 
-class ConstantChannel:
-    """A channel that scales by one constant: w = E[w] (the mean system) or w = 1 (no noise)."""
+class ConstantNoise:
+    """One constant factor: w = E[w] (the mean system) or w = 1 (no noise)."""
 
     def __init__(self, factor: float) -> None:
         self.factor = factor
@@ -109,26 +103,3 @@ class ConstantChannel:
     def factors(self, start: int, stop: int) -> npt.NDArray[np.float64]:
         """Return the constant for the samples start..stop-1, shape (stop - start,)."""
         return np.full(stop - start, self.factor)
-
-
-class FactorStream:
-    """Sample-by-sample access to a channel, fetched a block at a time.
-
-    Examples
-    --------
-    >>> FactorStream(ConstantChannel(1.05)).at(7)
-    1.05
-    """
-
-    def __init__(self, channel: Channel) -> None:
-        self._channel = channel
-        self._start, self._values = 0, list[float]()
-
-    def at(self, sample: int) -> float:
-        """Return w of one sample."""
-        offset = sample - self._start
-        if not 0 <= offset < len(self._values):
-            self._start = sample - sample % BLOCK
-            self._values = self._channel.factors(self._start, self._start + BLOCK).tolist()
-            offset = sample - self._start
-        return self._values[offset]

@@ -1,0 +1,212 @@
+"""What becomes of packets on a V2V link: impairments, composed into a channel.
+
+A sender's packets are numbered p = 0, 1, 2, ... An impairment is a pure function from packets to
+packets, keyed by seed, link and p, so that any slice of packets equals that slice of the whole.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple, Protocol, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from cacc_platoon.model.keyed_random import BLOCK, LOSS, keyed_uniform
+from cacc_platoon.model.noise import Noise
+
+Integers: TypeAlias = npt.NDArray[np.int64]
+Floats: TypeAlias = npt.NDArray[np.float64]
+
+
+class Packets(NamedTuple):
+    """Consecutive packets of one link; arrays of one length.
+
+    Attributes
+    ----------
+    number : ndarray of int64
+        p.
+    source : ndarray of int64
+        Sample whose acceleration the packet carries.
+    factor : ndarray
+        What multiplies it.
+    arrives : ndarray of bool
+        Whether the packet arrives at all.
+    delay : ndarray of int64
+        Samples from its source to its delivery, >= 0.
+    """
+
+    number: Integers
+    source: Integers
+    factor: Floats
+    arrives: npt.NDArray[np.bool_]
+    delay: Integers
+
+
+class Impairment(Protocol):
+    """One thing that happens to packets."""
+
+    @property
+    def prompt(self) -> bool:
+        """Whether it neither loses nor delays any packet."""
+        ...
+
+    @property
+    def longest_delay(self) -> int:
+        """The most samples by which it delays a packet."""
+        ...
+
+    def apply(self, packets: Packets) -> Packets:
+        """Return the packets as they are afterwards."""
+        ...
+
+
+class Delivery(NamedTuple):
+    """Packets in the order in which a receiver gets them; arrays of one length.
+
+    Attributes
+    ----------
+    source : ndarray of int64
+        Sample whose acceleration each packet carries.
+    sample : ndarray of int64
+        Receiver's sample at which it is delivered.
+    factor : ndarray
+        What multiplies the acceleration.
+    """
+
+    source: Integers
+    sample: Integers
+    factor: Floats
+
+
+class Channel(Protocol):
+    """One V2V link; replace it to study another one."""
+
+    @property
+    def prompt(self) -> bool:
+        """Whether every sample's packet is delivered at that sample, and no other."""
+        ...
+
+    @property
+    def longest_delay(self) -> int:
+        """The most samples from a packet's source to its delivery."""
+        ...
+
+    def delivery(self, start: int, stop: int) -> Delivery:
+        """Return the packets delivered at the receiver's samples start..stop-1."""
+        ...
+
+
+class ContentNoise:
+    """Multiplies every packet by the noise factor of its source sample."""
+
+    prompt = True
+    longest_delay = 0
+
+    def __init__(self, noise: Noise) -> None:
+        self._noise = noise
+
+    def apply(self, packets: Packets) -> Packets:
+        """Return the packets with their factors multiplied."""
+        if not len(packets.source):
+            return packets
+        first = int(packets.source[0])
+        factors = self._noise.factors(first, int(packets.source[-1]) + 1)
+        return packets._replace(factor=packets.factor * factors[packets.source - first])
+
+
+class IndependentLoss:
+    """Loses each packet with one probability, whatever happens to the others.
+
+    Parameters
+    ----------
+    probability : float
+        That a packet is lost, 0 to 1.
+    seed : int
+        Seed of the run.
+    link : int
+        Index i of the receiving vehicle; links are independent of each other.
+
+    Examples
+    --------
+    >>> channel = ComposedChannel([IndependentLoss(0.5, seed=1, link=1)])
+    >>> bool(0.4 < len(channel.delivery(0, 1000).sample) / 1000 < 0.6)
+    True
+    """
+
+    prompt = False
+    longest_delay = 0
+
+    def __init__(self, probability: float, seed: int, link: int) -> None:
+        self._probability, self._seed, self._link = probability, seed, link
+
+    def apply(self, packets: Packets) -> Packets:
+        """Return the packets, those that are lost marked."""
+        if not len(packets.number):
+            return packets
+        first, last = int(packets.number[0]), int(packets.number[-1])
+        draws = keyed_uniform(self._seed, self._link, LOSS, first, last + 1)
+        kept = draws[packets.number - first] >= self._probability
+        return packets._replace(arrives=packets.arrives & kept)
+
+
+class ComposedChannel:
+    """A packet every sample, and impairments in their order.
+
+    Examples
+    --------
+    >>> channel = ComposedChannel([])
+    >>> channel.prompt, channel.delivery(5, 8).source.tolist()
+    (True, [5, 6, 7])
+    """
+
+    def __init__(self, impairments: Sequence[Impairment]) -> None:
+        self._impairments = tuple(impairments)
+        self.prompt = all(impairment.prompt for impairment in self._impairments)
+        self.longest_delay = sum(impairment.longest_delay for impairment in self._impairments)
+
+    def delivery(self, start: int, stop: int) -> Delivery:
+        """Return the packets delivered at the receiver's samples start..stop-1."""
+        number = np.arange(max(0, start - self.longest_delay), stop, dtype=np.int64)
+        packets = Packets(
+            number,
+            number,
+            np.ones(len(number)),
+            np.ones(len(number), np.bool_),
+            np.zeros(len(number), np.int64),
+        )
+        for impairment in self._impairments:
+            packets = impairment.apply(packets)
+        sample = packets.source + packets.delay
+        rows = np.flatnonzero(packets.arrives & (sample >= start) & (sample < stop))
+        rows = rows[np.argsort(sample[rows], kind="stable")]
+        return Delivery(packets.source[rows], sample[rows], packets.factor[rows])
+
+
+class DeliveryStream:
+    """Sample-by-sample access to a channel, fetched a block at a time.
+
+    Examples
+    --------
+    >>> DeliveryStream(ComposedChannel([])).at(7)
+    [(7, 1.0)]
+    """
+
+    def __init__(self, channel: Channel) -> None:
+        self._channel = channel
+        self._start, self._packets = 0, list[list[tuple[int, float]]]()
+
+    def at(self, sample: int) -> list[tuple[int, float]]:
+        """Return source sample and factor of each packet delivered at a sample."""
+        offset = sample - self._start
+        if not 0 <= offset < len(self._packets):
+            self._start = sample - sample % BLOCK
+            self._fetch()
+            offset = sample - self._start
+        return self._packets[offset]
+
+    def _fetch(self) -> None:
+        delivery = self._channel.delivery(self._start, self._start + BLOCK)
+        self._packets = [[] for _ in range(BLOCK)]
+        for source, sample, factor in zip(*(part.tolist() for part in delivery), strict=True):
+            self._packets[sample - self._start].append((source, factor))

@@ -1,0 +1,44 @@
+"""Random numbers keyed by what they belong to: any slice of a stream equals that of the whole."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+STREAM_VERSION = 1
+BLOCK = 8192
+"""Draws per keyed block; part of a stream's definition together with STREAM_VERSION."""
+
+LOSS = 1
+"""Purposes of streams beside the noise factor's, which has none; part of their keys."""
+
+
+def keyed_words(seed: int, *key: int) -> np.random.SFC64:
+    """Return a source of random 64-bit words for (seed, key), such as (link, purpose, block)."""
+    return np.random.SFC64(np.random.SeedSequence(seed, spawn_key=(STREAM_VERSION, *key)))
+
+
+def keyed_uniform(
+    seed: int, link: int, purpose: int, start: int, stop: int
+) -> npt.NDArray[np.float64]:
+    """Return the draws start..stop-1 of a link's stream for a purpose, uniform in [0, 1)."""
+
+    def draw(block: int) -> npt.NDArray[np.float64]:
+        words = keyed_words(seed, link, purpose, block).random_raw(BLOCK)
+        return np.asarray((words >> np.uint64(11)) * 2.0**-53, np.float64)
+
+    return from_blocks(draw, start, stop)
+
+
+def from_blocks(
+    draw: Callable[[int], npt.NDArray[np.float64]], start: int, stop: int
+) -> npt.NDArray[np.float64]:
+    """Return the draws start..stop-1 of a stream that is drawn a block at a time."""
+    draws = np.empty(stop - start)
+    for block in range(start // BLOCK, -(-stop // BLOCK)):
+        begin, end = max(start, block * BLOCK), min(stop, (block + 1) * BLOCK)
+        values = draw(block)
+        draws[begin - start : end - start] = values[begin - block * BLOCK : end - block * BLOCK]
+    return draws

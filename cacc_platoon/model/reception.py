@@ -1,0 +1,107 @@
+"""What a receiver makes of the packets that arrive: the acceleration that its law uses.
+
+Of several packets the one of the newest source sample counts; one that was overtaken is discarded.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Protocol, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from cacc_platoon.model.impairment import Delivery, Integers
+
+Number = TypeVar("Number", np.float64, np.int64)
+
+
+class Reception(Protocol):
+    """The receiver of one link, sample by sample and over a whole run."""
+
+    def use(self, delivered: Iterable[tuple[int, float]]) -> float:
+        """Return the acceleration [m/s^2] to use at the next sample.
+
+        Parameters
+        ----------
+        delivered : iterable of (int, float)
+            Source sample and received acceleration of each packet delivered at it, in order.
+        """
+        ...
+
+    def chosen(self, delivery: Delivery, samples: int) -> Integers:
+        """Return which packet is used at each sample from 0 on, -1 for none, shape (samples,)."""
+        ...
+
+
+class HoldReception:
+    """Uses the newest value that has arrived, 0 before the first.
+
+    Examples
+    --------
+    >>> reception = HoldReception()
+    >>> reception.use([(0, 1.5)]), reception.use([]), reception.use([(2, 2.5)])
+    (1.5, 1.5, 2.5)
+    """
+
+    def __init__(self) -> None:
+        self._source, self._value = -1, 0.0
+
+    def use(self, delivered: Iterable[tuple[int, float]]) -> float:
+        """Return the newest value that has arrived."""
+        for source, value in delivered:
+            if source > self._source:
+                self._source, self._value = source, value
+        return self._value
+
+    def chosen(self, delivery: Delivery, samples: int) -> Integers:
+        """Return which packet is used at each sample."""
+        kept = _not_overtaken(delivery.source)
+        last = np.searchsorted(delivery.sample[kept], np.arange(samples), side="right") - 1
+        return np.where(last >= 0, kept[last], -1) if len(kept) else np.full(samples, -1)
+
+
+class ZeroReception:
+    """Uses the value that arrives at a sample, 0 where none does.
+
+    Examples
+    --------
+    >>> reception = ZeroReception()
+    >>> reception.use([(0, 1.5)]), reception.use([]), reception.use([(2, 2.5)])
+    (1.5, 0.0, 2.5)
+    """
+
+    def __init__(self) -> None:
+        self._source = -1
+
+    def use(self, delivered: Iterable[tuple[int, float]]) -> float:
+        """Return the newest value that arrives now, or 0."""
+        value = 0.0
+        for source, arrived in delivered:
+            if source > self._source:
+                self._source, value = source, arrived
+        return value
+
+    def chosen(self, delivery: Delivery, samples: int) -> Integers:
+        """Return which packet is used at each sample."""
+        rows = np.full(samples, -1)
+        kept = _not_overtaken(delivery.source)
+        kept = kept[delivery.sample[kept] < samples]
+        rows[delivery.sample[kept]] = kept
+        return rows
+
+
+def picked(values: npt.NDArray[Number], chosen: Integers, none: float) -> npt.NDArray[Number]:
+    """Return a value of the chosen packet of each sample, `none` where there is none."""
+    found = np.full(len(chosen), none, values.dtype)
+    used = chosen >= 0
+    found[used] = values[chosen[used]]
+    return found
+
+
+def _not_overtaken(source: Integers) -> Integers:
+    """Return the rows whose source is newer than that of every row before."""
+    if not len(source):
+        return np.empty(0, np.int64)
+    newest_before = np.concatenate(([-1], np.maximum.accumulate(source)[:-1]))
+    return np.flatnonzero(source > newest_before)

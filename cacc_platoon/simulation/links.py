@@ -1,0 +1,158 @@
+"""What every follower receives, in arrays: the V2V links of a whole platoon, sample by sample."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from cacc_platoon.model import Channel, Delivery
+from cacc_platoon.model.impairment import Integers
+from cacc_platoon.model.reception import picked
+from cacc_platoon.scenario import Follower, Scenario
+from cacc_platoon.simulation.trajectory import Array, Arrivals
+
+ChannelFactory = Callable[[Follower], Channel]
+
+
+class Links(Protocol):
+    """The V2V links of runs that are integrated together."""
+
+    def received(self, sample: int, acceleration: Array) -> Array:
+        """Return what the followers use at a sample [m/s^2], shape (runs, N).
+
+        Parameters
+        ----------
+        sample : int
+            The sample, asked for in order.
+        acceleration : ndarray, shape (samples, runs, N + 1)
+            Accelerations [m/s^2], known up to the sample.
+        """
+        ...
+
+
+class PromptLinks(NamedTuple):
+    """Links that deliver every packet at the sample it was sent at.
+
+    Attributes
+    ----------
+    factor : ndarray, shape (samples, runs, N)
+        Noise factors w.
+    """
+
+    factor: Array
+
+    def received(self, sample: int, acceleration: Array) -> Array:
+        """Return w a_{i-1} of the sample."""
+        used: Array = self.factor[sample] * acceleration[sample, :, :-1]
+        return used
+
+
+class ImpairedLinks(NamedTuple):
+    """Links that may lose or delay packets.
+
+    Attributes
+    ----------
+    source : ndarray of int64, shape (samples, runs, N)
+        Sample whose acceleration is used, -1 where the receiver uses 0.
+    factor : ndarray, shape (samples, runs, N)
+        What multiplies it.
+    """
+
+    source: Integers
+    factor: Array
+
+    def received(self, sample: int, acceleration: Array) -> Array:
+        """Return the accelerations that the receivers use."""
+        source = self.source[sample]
+        runs, links = np.indices(source.shape, sparse=True)
+        value = self.factor[sample] * acceleration[source, runs, links]
+        return np.where(source >= 0, value, 0.0)
+
+
+class MeanLinks:
+    """The mean of all links' random runs, which is a linear system.
+
+    The mean of w a is E[w] a. Where a packet arrives with probability p, a receiver that uses zero
+    has p E[w] a in the mean, and one that holds has r_k = p E[w] a_k + (1 - p) r_{k-1}: loss and
+    noise of a sample are independent of what was received before (docs/theory.md, Packet loss).
+
+    Parameters
+    ----------
+    followers : sequence of Follower
+        The receivers; v2v.channel is left out, noise and loss count as v2v says.
+    """
+
+    def __init__(self, followers: Sequence[Follower]) -> None:
+        arrives = np.array([1.0 - follower.v2v.loss for follower in followers])
+        holds = np.array([follower.v2v.reception == "hold" for follower in followers])
+        means = [mean_factor(follower) for follower in followers]
+        self._factor = arrives * np.array(means)
+        self._kept = np.where(holds, 1.0 - arrives, 0.0)
+        self._received = np.zeros(len(followers))
+
+    def received(self, sample: int, acceleration: Array) -> Array:
+        """Return the mean accelerations that the receivers use."""
+        fresh = self._factor * acceleration[sample, :, :-1]
+        self._received = fresh + self._kept * self._received if self._kept.any() else fresh
+        return self._received
+
+
+def mean_factor(follower: Follower) -> float:
+    """Return E[w] of the link to a follower."""
+    kind = "expected" if follower.v2v.noise == "bits" else follower.v2v.noise
+    return float(follower.noise(kind).factors(0, 1)[0])
+
+
+class LinkPlan(NamedTuple):
+    """What one link does in one run: its deliveries, and which of them is used at each sample."""
+
+    prompt: bool
+    delivery: Delivery
+    chosen: Integers
+
+    @property
+    def source(self) -> Integers:
+        """Sample whose acceleration is used at each sample, -1 for none, shape (samples,)."""
+        return picked(self.delivery.source, self.chosen, -1)
+
+    @property
+    def factor(self) -> Array:
+        """What multiplies it, shape (samples,)."""
+        return picked(self.delivery.factor, self.chosen, 0)
+
+    def arrivals(self, sent: Array) -> Arrivals:
+        """Return what arrives when these accelerations [m/s^2] are sent, shape (samples,)."""
+        source, sample, factor = self.delivery
+        with np.errstate(all="ignore"):  # an unstable platoon overflows
+            return Arrivals(source, sample, factor * sent[source])
+
+
+def plan_link(follower: Follower, samples: int, channel: Channel) -> LinkPlan:
+    """Return what the link to a follower does from sample 0 on."""
+    delivery = channel.delivery(0, samples)
+    if channel.prompt:
+        return LinkPlan(True, delivery, np.arange(samples))
+    return LinkPlan(False, delivery, follower.reception().chosen(delivery, samples))
+
+
+def plan_links(
+    scenario: Scenario, noise: str | None = None, channel: ChannelFactory | None = None
+) -> list[LinkPlan]:
+    """Return the plan of every link of a scenario, from front to rear."""
+    return [
+        plan_link(
+            follower, scenario.samples, channel(follower) if channel else follower.channel(noise)
+        )
+        for follower in scenario.followers
+    ]
+
+
+def links_of(runs: Sequence[Sequence[LinkPlan]]) -> Links:
+    """Return the links of several runs, to integrate them together."""
+    factor = np.stack([np.stack([plan.factor for plan in run], axis=1) for run in runs], axis=1)
+    if all(plan.prompt for run in runs for plan in run):
+        return PromptLinks(factor)
+    source = np.stack([np.stack([plan.source for plan in run], axis=1) for run in runs], axis=1)
+    return ImpairedLinks(source, factor)

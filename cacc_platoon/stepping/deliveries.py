@@ -1,0 +1,127 @@
+"""Received accelerations, paired with the sample at which the channel delivers them.
+
+Where every packet is delivered at the sample it was sent at, its stamp says which that is. Where
+packets may be lost or late, the relay says on v2v/complete up to which sample it is done and how
+many messages it has published by then: messages and counts are two topics and have no order.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Generic, NamedTuple, Protocol, TypeVar
+
+from cacc_platoon.model import Reception
+
+Message = TypeVar("Message")
+
+
+class Delivered(NamedTuple, Generic[Message]):
+    """The messages that are delivered at one sample."""
+
+    stamp: int
+    messages: list[Message]
+
+
+class CountedDeliveries(Generic[Message]):
+    """Pairs messages, in the order of their publication, with the samples that counts give them.
+
+    Examples
+    --------
+    >>> deliveries = CountedDeliveries()
+    >>> deliveries.count(0, 1)
+    >>> deliveries.message("a")
+    >>> deliveries.count(10, 1)
+    >>> [tuple(one) for one in deliveries.settled()]
+    [(0, ['a']), (10, [])]
+    """
+
+    def __init__(self) -> None:
+        self._messages: deque[Message] = deque()
+        self._counts: deque[tuple[int, int]] = deque()
+        self._given = 0
+
+    def message(self, message: Message) -> None:
+        """Take the next message."""
+        self._messages.append(message)
+
+    def count(self, stamp: int, count: int) -> None:
+        """Take note that `count` messages in all are delivered up to and including a sample."""
+        self._counts.append((stamp, count))
+
+    def settled(self) -> list[Delivered[Message]]:
+        """Return the samples of which every message is here, in order; each is returned once."""
+        found = []
+        while self._counts and self._counts[0][1] - self._given <= len(self._messages):
+            stamp, count = self._counts.popleft()
+            messages = [self._messages.popleft() for _ in range(count - self._given)]
+            self._given = count
+            found.append(Delivered(stamp, messages))
+        return found
+
+
+class Inbox(Protocol):
+    """The received acceleration to use at each sample, by stamp [ns]."""
+
+    def __contains__(self, stamp: object) -> bool:
+        """Whether it is known what to use at a sample."""
+        ...
+
+    def take(self, stamp: int, acceleration: float) -> None:
+        """Accept a message, stamped with the sample it was sent at."""
+        ...
+
+    def count(self, stamp: int, count: int) -> None:
+        """Accept that the relay is done with a sample, and how many messages it has published."""
+        ...
+
+    def pop(self, stamp: int) -> float:
+        """Return what to use at a sample, and forget it."""
+        ...
+
+
+class PromptInbox(dict[int, float]):
+    """For a channel that delivers every packet at the sample it was sent at."""
+
+    take = dict.__setitem__
+
+    def count(self, stamp: int, count: int) -> None:
+        """Accept what such a channel need not say."""
+
+
+class CountedInbox:
+    """For a channel that may lose or delay packets, and counts them.
+
+    Parameters
+    ----------
+    reception : Reception
+        What the vehicle makes of what is delivered.
+    step_ns : int
+        Control period [ns].
+    """
+
+    def __init__(self, reception: Reception, step_ns: int) -> None:
+        self._reception, self._step = reception, step_ns
+        self._deliveries: CountedDeliveries[tuple[int, float]] = CountedDeliveries()
+        self._ready: dict[int, float] = {}
+
+    def __contains__(self, stamp: object) -> bool:
+        """Whether it is known what to use at a sample."""
+        return stamp in self._ready
+
+    def take(self, stamp: int, acceleration: float) -> None:
+        """Accept a message, stamped with the sample it was sent at."""
+        self._deliveries.message((stamp // self._step, acceleration))
+        self._settle()
+
+    def count(self, stamp: int, count: int) -> None:
+        """Accept that the relay is done with a sample, and how many messages it has published."""
+        self._deliveries.count(stamp, count)
+        self._settle()
+
+    def pop(self, stamp: int) -> float:
+        """Return what to use at a sample, and forget it."""
+        return self._ready.pop(stamp)
+
+    def _settle(self) -> None:
+        for stamp, packets in self._deliveries.settled():
+            self._ready[stamp] = self._reception.use(packets)
