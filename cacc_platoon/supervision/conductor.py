@@ -8,7 +8,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from rclpy.executors import Executor
+from rclpy.node import Node
 
+from cacc_platoon.dds import shared_memory
 from cacc_platoon.nodes.executor import spin_for
 from cacc_platoon.supervision.launcher import HostProcesses
 from cacc_platoon.supervision.log import LOG
@@ -33,7 +35,7 @@ from cacc_platoon.supervision.run_events import (
 )
 from cacc_platoon.supervision.run_machine import RunMachine
 from cacc_platoon.supervision.run_state import Run, Stage, some
-from cacc_platoon.supervision.supervisor_node import SupervisorNode
+from cacc_platoon.supervision.supervisor_node import SupervisorNode, end_supervisor
 
 TICK = 0.02
 
@@ -42,10 +44,19 @@ Observer = Callable[[str, int, int], None]
 
 
 class Crew:
-    """The hosts of a run: processes of their own, and perhaps one in this process."""
+    """The hosts of a run: processes of their own, and perhaps one in this process.
+
+    Attributes
+    ----------
+    processes : HostProcesses
+        The processes.
+    nodes : list of Node
+        The nodes of the host in this process.
+    """
 
     def __init__(self) -> None:
         self.processes = HostProcesses()
+        self.nodes: list[Node] = []
 
     def start_hosts(self) -> None:
         """Start the processes."""
@@ -58,6 +69,10 @@ class Crew:
 
     def poll(self) -> None:
         """Do what has to be done now and then."""
+
+    def close(self) -> None:
+        """End what is left of the hosts."""
+        self.processes.stop()
 
 
 class Conductor:
@@ -107,8 +122,22 @@ class Conductor:
         node.feed = self.feed
 
     def conduct(self) -> EndRun:
-        """Bring the run to its end; return how it ended."""
+        """Bring the run to its end, and end every process and node; return how it ended."""
         LOG.info("run %s: %s", self.run.id, self.run.stage)
+        try:
+            end = self._conduct()
+        except BaseException:
+            self._crew.processes.stop(patience=0.0)
+            raise
+        self._crew.close()
+        self._executor.shutdown()
+        for node in self._crew.nodes:
+            node.destroy_node()
+        end_supervisor(self._node)
+        shared_memory.sweep()
+        return end
+
+    def _conduct(self) -> EndRun:
         while self.run.end is None or self.run.stage is not Stage.OVER:
             self._observe(self.run.stage, self.run.progress + 1, self._machine.samples)
             spin_for(self._executor, TICK)

@@ -11,14 +11,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import rclpy
-from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import Executor
-from rclpy.signals import SignalHandlerOptions
 
 from cacc_platoon.bags.rows import Recording
 from cacc_platoon.dds import shared_memory
-from cacc_platoon.errors import UserError
 from cacc_platoon.nodes.executor import create_executor
 from cacc_platoon.nodes.recorder import RecorderNode
 from cacc_platoon.runs.folder import RunFolder
@@ -33,7 +29,11 @@ from cacc_platoon.supervision.outcome import conclude
 from cacc_platoon.supervision.run_events import EndStatus
 from cacc_platoon.supervision.run_machine import OWN_HOST, RunMachine
 from cacc_platoon.supervision.run_state import Run, summaries
-from cacc_platoon.supervision.supervisor_node import SupervisorNode
+from cacc_platoon.supervision.supervisor_node import (
+    SupervisorNode,
+    end_supervisor,
+    start_supervisor,
+)
 from msg_adapters.topics import Graph
 
 
@@ -84,11 +84,11 @@ def run_platoon(
     multiprocessing.current_process().name = OWN_HOST
     run_id = uuid.uuid4().hex
     plans = _plans(scenario, path, run_id) if scenario.run.spawn else []
-    node = start_node(scenario)
+    node = start_supervisor(scenario)
     try:
         folder = RunFolder.create(path, scenario)
     except BaseException:
-        end_node(node)
+        end_supervisor(node)
         raise
     with logging_to(folder.logs / f"{OWN_HOST}.log"):
         conductor = _conduct(node, folder, plans, run_id, observe=observe, stopped=stopped)
@@ -104,32 +104,6 @@ def _plans(scenario: Scenario, path: Path, run_id: str) -> list[HostPlan]:
         local=os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE") == "LOCALHOST",
         verbose=logs_to_stderr(),
     )
-
-
-def start_node(scenario: Scenario) -> SupervisorNode:
-    """Start rclpy and the supervisor's node.
-
-    Raises
-    ------
-    UserError
-        When that cannot be.
-    """
-    try:
-        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-        return SupervisorNode(scenario)
-    except (RuntimeError, ValueError, NameValidationException, ParameterException) as error:
-        rclpy.try_shutdown()
-        raise UserError(
-            f"ROS does not start: {' '.join(str(error).split())}. Look at ROS_DOMAIN_ID and at "
-            "platoon doctor."
-        ) from error
-
-
-def end_node(node: SupervisorNode) -> None:
-    """End the supervisor's node and rclpy."""
-    with shared_memory.cleared_segments():
-        node.destroy_node()
-        rclpy.try_shutdown()
 
 
 class RunCrew(Crew):
@@ -172,6 +146,7 @@ class RunCrew(Crew):
         """Record topics in this process."""
         recorded = [topic for topic in Graph.of(self._scenario).recorded if topic.name in topics]
         self._recorder = RecorderNode(self._scenario, OWN_HOST, recorded, self._part)
+        self.nodes.append(self._recorder)
         self._executor.add_node(self._recorder)
         self._session = HostSession(
             OWN_HOST,
@@ -197,14 +172,11 @@ class RunCrew(Crew):
         if self._session:
             self._session.close()
 
-    def end(self) -> None:
-        """End what is left of the hosts."""
-        self.processes.stop()
+    def close(self) -> None:
+        """End what is left of the hosts, and close the part of the one in this process."""
+        super().close()
         if self._recorder:
             self._recorder.close()
-        self._executor.shutdown()
-        if self._recorder:
-            self._recorder.destroy_node()
 
 
 def _conduct(
@@ -225,14 +197,7 @@ def _conduct(
     conductor = Conductor(
         node, executor, machine, crew, run_id=run_id, observe=observe, stopped=stopped
     )
-    try:
-        conductor.conduct()
-    except BaseException:
-        crew.processes.stop(patience=0.0)
-        raise
-    crew.end()
-    end_node(node)
-    shared_memory.sweep()
+    conductor.conduct()
     return conductor
 
 

@@ -7,6 +7,7 @@ of the answers.
 
 from __future__ import annotations
 
+import multiprocessing
 import sys
 import uuid
 from collections.abc import Callable, Mapping, Sequence
@@ -30,10 +31,10 @@ from cacc_platoon.supervision.conductor import Conductor, Crew, Observer
 from cacc_platoon.supervision.host import NODE_CLASSES, host_signals, serve
 from cacc_platoon.supervision.host_session import HostSession
 from cacc_platoon.supervision.log import log_to_stderr, logs_to_stderr
-from cacc_platoon.supervision.platoon_run import end_node, start_node
 from cacc_platoon.supervision.run_events import EndStatus, ProcessEnded
 from cacc_platoon.supervision.run_machine import RunMachine
 from cacc_platoon.supervision.run_state import Run, Stage
+from cacc_platoon.supervision.supervisor_node import start_supervisor
 from msg_adapters.topics import PlatoonTopics, Topic, VehicleTopics
 
 Feed = Sequence[tuple[Topic, Sequence[bytes | None]]]
@@ -206,7 +207,8 @@ def replay_node(
         When the node does not appear, ends, reports a failure or does not answer.
     """
     shared_memory.sweep()
-    supervisor = start_node(plan.scenario)
+    multiprocessing.current_process().name = REPLAYER
+    supervisor = start_supervisor(plan.scenario)
     replayer = ReplayerNode(plan.scenario, plan.node.vehicle, feed, outputs, samples)
     executor = create_executor()
     for node in (supervisor, replayer):
@@ -223,16 +225,7 @@ def replay_node(
         observe=lambda _, k, n: observe("replaying", k, n),
         stopped=stopped,
     )
-    try:
-        end = conductor.conduct()
-    except BaseException:
-        crew.processes.stop(patience=0.0)
-        raise
-    crew.processes.stop()
-    executor.shutdown()
-    replayer.destroy_node()
-    end_node(supervisor)
-    shared_memory.sweep()
+    end = conductor.conduct()
     if end.status is not EndStatus.FINISHED:
         raise ReplayFailedError(end.message)
     return {name: messages[:samples] for name, messages in replayer.answers.items()}
@@ -301,6 +294,7 @@ class ReplayCrew(Crew):
 
     def __init__(self, plan: NodePlan, replayer: ReplayerNode) -> None:
         super().__init__()
+        self.nodes.append(replayer)
         self._plan = plan
         records = [*replayer.answers]
         self._session = HostSession(

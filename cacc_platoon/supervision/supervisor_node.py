@@ -4,10 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable
 
+import rclpy
+from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy
+from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Int64, String
 
+from cacc_platoon.dds import shared_memory
+from cacc_platoon.errors import UserError
 from cacc_platoon.nodes import qos, ros_parameters
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import format_scenario
@@ -116,3 +121,29 @@ class SupervisorNode(Node):  # type: ignore[misc]
                 f"{error}"
             )
         self.feed(event)
+
+
+def start_supervisor(scenario: Scenario) -> SupervisorNode:
+    """Start rclpy and the supervisor's node.
+
+    Raises
+    ------
+    UserError
+        When that cannot be.
+    """
+    try:
+        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        return SupervisorNode(scenario)
+    except (RuntimeError, ValueError, NameValidationException, ParameterException) as error:
+        rclpy.try_shutdown()
+        raise UserError(
+            f"ROS does not start: {' '.join(str(error).split())}. Look at ROS_DOMAIN_ID and at "
+            "platoon doctor."
+        ) from error
+
+
+def end_supervisor(node: SupervisorNode) -> None:
+    """End the supervisor's node and rclpy."""
+    with shared_memory.cleared_segments():
+        node.destroy_node()
+        rclpy.try_shutdown()
