@@ -20,10 +20,10 @@ DECISIONS = [
     for name in (
         *("protocol", "json_fields", "run_machine", "run_state", "run_events", "pacing"),
         *("agreement", "outcome", "stall_diagnosis", "host_machine", "host_plan", "log"),
+        "replay_machine",
     )
 ]
 """What decides in a run; the rest of supervision carries it out."""
-TESTED_WITHOUT_ROS = ("protocol", "run_machine", "host_machine", "host_plan", "stall_diagnosis")
 WITHOUT_ROS = """
 import sys
 
@@ -78,7 +78,7 @@ def test_every_pure_module_can_be_imported():
 
 def test_what_decides_in_a_run_is_tested_without_ros_in_seconds():
     """Every test of it runs where ROS cannot be imported; it takes 3 s, here with some reserve."""
-    files = [f"test/supervision/test_{name}.py" for name in TESTED_WITHOUT_ROS]
+    files = sorted(map(str, (ROOT / "test" / "supervision").glob("test_*.py")))
     program = "import pytest; sys.exit(pytest.main(['-p', 'no:cacheprovider', *sys.argv[1:]]))"
     before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
     answer = run_without(program, *files, "test/runs/test_sample_recorder.py")

@@ -31,17 +31,13 @@ from cacc_platoon.supervision.conductor import Conductor, Crew, Observer
 from cacc_platoon.supervision.host import NODE_CLASSES, host_signals, serve
 from cacc_platoon.supervision.host_session import HostSession
 from cacc_platoon.supervision.log import log_to_stderr, logs_to_stderr
-from cacc_platoon.supervision.run_events import EndStatus, ProcessEnded
-from cacc_platoon.supervision.run_machine import RunMachine
-from cacc_platoon.supervision.run_state import Run, Stage
+from cacc_platoon.supervision.replay_machine import REPLAYED, REPLAYER, ReplayMachine
+from cacc_platoon.supervision.run_events import EndStatus
 from cacc_platoon.supervision.supervisor_node import start_supervisor
 from msg_adapters.topics import PlatoonTopics, Topic, VehicleTopics
 
 Feed = Sequence[tuple[Topic, Sequence[bytes | None]]]
 """Topics with a message per sample, None where there is none."""
-
-REPLAYED, REPLAYER = "replayed", "replayer"
-"""The hosts of a replay: the process of the node, and this one, which gives it what it gets."""
 
 
 class ReplayFailedError(Exception):
@@ -215,7 +211,7 @@ def replay_node(
         executor.add_node(node)
     shared_memory.note_segments()
     crew = ReplayCrew(plan, replayer)
-    machine = ReplayMachine(plan, [*replayer.answers], samples)
+    machine = ReplayMachine(plan.scenario, plan.node, [*replayer.answers], samples)
     conductor = Conductor(
         supervisor,
         executor,
@@ -237,48 +233,6 @@ def plan_replay(
     """Return the plan of a node that is to be replayed."""
     run, name = uuid.uuid4().hex, NodeName(NodeKind(node), index)
     return NodePlan(run, REPLAYED, name, scenario, initial, logs_to_stderr())
-
-
-class ReplayMachine(RunMachine):
-    """The rules of a replay: two hosts, and the answers of one are the progress of the run.
-
-    Parameters
-    ----------
-    plan : NodePlan
-        The node.
-    topics : sequence of str
-        What it answers on.
-    samples : int
-        How many answers there will be.
-    """
-
-    def __init__(self, plan: NodePlan, topics: Sequence[str], samples: int) -> None:
-        super().__init__(
-            plan.scenario,
-            topics,
-            nodes=[str(plan.node), REPLAYER],
-            samples=samples,
-            newcomer_wait=0.0,
-        )
-        self._plan = plan
-
-    def late(self, run: Run, missing: Sequence[str]) -> str:
-        """Say what has not come in time."""
-        limit = self.scenario.run.start_timeout
-        if run.stage is Stage.STARTING:
-            return f"{self._plan.node} has not appeared for {limit:g} s"
-        return f"{self._plan.node} is not connected for {limit:g} s: {'; '.join(missing)}"
-
-    def stalled(self, run: Run, limit: float) -> str:
-        """Say that the node gives no more answers."""
-        return (
-            f"{self._plan.node} gave no answer to sample {run.progress + 1} and has stopped, or "
-            f"what it was given has for {limit:g} s"
-        )
-
-    def process_ended(self, run: Run, ended: ProcessEnded) -> str:
-        """Say that the node's process is gone."""
-        return f"{self._plan.node} (process {ended.pid}) {ended.how}"
 
 
 class ReplayCrew(Crew):
