@@ -1,6 +1,7 @@
 """Everything but nodes and the harness works where ROS is not installed."""
 
 import json
+import resource
 import subprocess
 import sys
 from pathlib import Path
@@ -14,6 +15,15 @@ NEEDS_ROS = (
     "cacc_platoon.testing",
     "cacc_platoon.__main__",
 )
+DECISIONS = [
+    f"cacc_platoon.supervision.{name}"
+    for name in (
+        *("protocol", "json_fields", "run_machine", "run_state", "run_events", "pacing"),
+        *("agreement", "outcome", "stall_diagnosis", "host_machine", "host_plan", "log"),
+        "replay_machine",
+    )
+]
+"""What decides in a run; the rest of supervision carries it out."""
 WITHOUT_ROS = """
 import sys
 
@@ -52,7 +62,7 @@ def pure_modules() -> list[str]:
     paths = [*(ROOT / "cacc_platoon").rglob("*.py"), *(ROOT / "msg_adapters").rglob("*.py")]
     names = (".".join(path.relative_to(ROOT).with_suffix("").parts) for path in paths)
     modules = (name.removesuffix(".__init__") for name in names)
-    return sorted(name for name in modules if not name.startswith(NEEDS_ROS))
+    return sorted(name for name in modules if not name.startswith(NEEDS_ROS)) + DECISIONS
 
 
 def test_the_stand_in_for_a_machine_without_ros_works():
@@ -64,6 +74,17 @@ def test_every_pure_module_can_be_imported():
     program = "import importlib\nfor name in sys.argv[1:]: importlib.import_module(name)"
     answer = run_without(program, *pure_modules())
     assert answer.returncode == 0, answer.stderr
+
+
+def test_what_decides_in_a_run_is_tested_without_ros_in_seconds():
+    """Every test of it runs where ROS cannot be imported; it takes 3 s, here with some reserve."""
+    files = sorted(map(str, (ROOT / "test" / "supervision").glob("test_*.py")))
+    program = "import pytest; sys.exit(pytest.main(['-p', 'no:cacheprovider', *sys.argv[1:]]))"
+    before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
+    answer = run_without(program, *files, "test/runs/test_sample_recorder.py")
+    took = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before
+    assert answer.returncode == 0, answer.stdout
+    assert took < 8.0
 
 
 @pytest.mark.parametrize("room", ["model", "theory", "design", "simulation", "scenario"])

@@ -76,13 +76,13 @@ def run(options: argparse.Namespace) -> int:
 
 def _run_on_nodes(scenario: Scenario, path: Path, stop: StopSignal) -> bool:
     """Run one case; say why when it did not finish."""
-    from cacc_platoon.supervision.conductor import run_platoon  # noqa: PLC0415
-    from cacc_platoon.supervision.host_session import FINISHED  # noqa: PLC0415  (needs ROS)
+    from cacc_platoon.supervision.platoon_run import run_platoon  # noqa: PLC0415  (needs ROS)
+    from cacc_platoon.supervision.run_events import EndStatus  # noqa: PLC0415
 
     if stop.received():
         return False
     with libraries_on_stderr(), ProgressLine(scenario.run.step) as progress:
         outcome = run_platoon(scenario, path, progress, stop.received)
-    if outcome.status != FINISHED:
+    if outcome.status is not EndStatus.FINISHED:
         print(f"platoon: {scenario.name}: {outcome.status}: {outcome.message}", file=sys.stderr)
-    return outcome.status == FINISHED
+    return outcome.status is EndStatus.FINISHED

@@ -20,11 +20,15 @@ class ProgressLine:
         Simulated time of one unit of progress [s]; adds the real-time factor.
     stream : file, optional
         Where to show it, standard error by default.
+    shown : bool, optional
+        Whether to show it at all; not where a log scrolls by.
     """
 
-    def __init__(self, step: float | None = None, stream: TextIO | None = None) -> None:
+    def __init__(
+        self, step: float | None = None, stream: TextIO | None = None, *, shown: bool = True
+    ) -> None:
         self._step, self._stream = step, stream or sys.stderr
-        self._live = self._stream.isatty()
+        self._live = shown and self._stream.isatty()
         self._what, self._shown_at = "", 0.0
         self._began_at, self._began_with = 0.0, 0
 

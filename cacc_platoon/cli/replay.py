@@ -18,7 +18,12 @@ from typing import TYPE_CHECKING, Any
 from cacc_platoon.cli.console import libraries_on_stderr
 from cacc_platoon.cli.exit_codes import DONE, FAILED
 from cacc_platoon.cli.progress import ProgressLine
-from cacc_platoon.cli.ros import prepare_nodes, require_ros
+from cacc_platoon.cli.ros import (
+    add_verbose_argument,
+    log_everything,
+    prepare_nodes,
+    require_ros,
+)
 from cacc_platoon.dds.domain import own_domain
 from cacc_platoon.errors import UserError
 from cacc_platoon.scenario.names import vehicle_name
@@ -52,6 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "-o", "--output", type=Path, metavar="DIR", help=f"write {ANSWER_FILE} and a figure there"
     )
     parser.add_argument("--json", action="store_true", help="print one JSON object and no text")
+    add_verbose_argument(parser)
     parser.add_argument("--domain", type=int, help="DDS domain (default: one that nobody uses)")
     parser.add_argument("--scenario", type=Path, metavar="FILE", help="parameters of the recording")
     parser.add_argument("--namespace", help="which platoon, when the bag holds several")
@@ -76,6 +82,8 @@ def run(options: argparse.Namespace) -> int:
         )
     scenario = changed_scenario(record, options.set) if options.set else record.scenario
     require_ros("replay", "platoon simulate runs a scenario")
+    if options.verbose:
+        log_everything()
     with _domain(options.domain):
         stop = prepare_nodes()
         try:
@@ -100,8 +108,11 @@ def _replay(
 ) -> Mapping[str, list[bytes]]:
     """Run the node and return its messages."""
     from cacc_platoon.model import State  # noqa: PLC0415
-    from cacc_platoon.supervision.conductor import RunFailedError  # noqa: PLC0415
-    from cacc_platoon.supervision.replay import plan_replay, replay_node  # noqa: PLC0415
+    from cacc_platoon.supervision.replay import (  # noqa: PLC0415
+        ReplayFailedError,
+        plan_replay,
+        replay_node,
+    )
 
     run = dataclasses.replace(scenario.run, real_time_factor=0.0)
     initial = None
@@ -109,7 +120,8 @@ def _replay(
         initial = State(*(float(stream.values(1)[0]) for stream in record.outputs))
     plan = plan_replay(dataclasses.replace(scenario, run=run), record.node, record.index, initial)
     outputs = [stream.topic for stream in record.outputs]
-    with libraries_on_stderr(), ProgressLine(scenario.run.step) as progress:
+    shown = not options.verbose
+    with libraries_on_stderr(), ProgressLine(scenario.run.step, shown=shown) as progress:
         try:
             return replay_node(
                 plan,
@@ -119,7 +131,7 @@ def _replay(
                 observe=progress,
                 stopped=stop.received,
             )
-        except RunFailedError as failure:
+        except ReplayFailedError as failure:
             raise _FailedError(failure) from failure
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import os
 import signal
 
@@ -53,3 +54,20 @@ def prepare_nodes(local: bool = True) -> StopSignal:
     with libraries_on_stderr():
         launcher.prepare()
     return stop
+
+
+def add_verbose_argument(parser: argparse.ArgumentParser) -> None:
+    """Declare how much a verb that starts nodes says of them."""
+    parser.add_argument(
+        "-v",
+        "--verbose",
+        action="store_true",
+        help="show on standard error what the supervisor and every host log",
+    )
+
+
+def log_everything() -> None:
+    """From now on, show what the supervisor and every host log on standard error."""
+    from cacc_platoon.supervision.log import log_to_stderr  # noqa: PLC0415  (needs ROS)
+
+    log_to_stderr()

@@ -13,7 +13,12 @@ from cacc_platoon.cli.console import libraries_on_stderr
 from cacc_platoon.cli.exit_codes import DONE, FAILED
 from cacc_platoon.cli.judge import add_verdict_arguments, conclude, warn_before
 from cacc_platoon.cli.progress import ProgressLine
-from cacc_platoon.cli.ros import prepare_nodes, require_ros
+from cacc_platoon.cli.ros import (
+    add_verbose_argument,
+    log_everything,
+    prepare_nodes,
+    require_ros,
+)
 from cacc_platoon.runs.folder import default_run_folder
 from cacc_platoon.runs.recorded_leader import with_recorded_leader
 from cacc_platoon.scenario import Scenario
@@ -27,6 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--no-report", action="store_true", help="only record; platoon report judges later"
     )
     add_verdict_arguments(parser)
+    add_verbose_argument(parser)
 
 
 def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
@@ -66,13 +72,15 @@ def run_and_judge(scenario: Scenario, output: Path | None, options: argparse.Nam
     stop = prepare_nodes(local=scenario.run.spawn)
     with libraries_on_stderr():
         from cacc_platoon.report import report_run  # noqa: PLC0415  (heavy)
-        from cacc_platoon.supervision.conductor import run_platoon  # noqa: PLC0415
-        from cacc_platoon.supervision.host_session import FINISHED  # noqa: PLC0415
+        from cacc_platoon.supervision.platoon_run import run_platoon  # noqa: PLC0415
+        from cacc_platoon.supervision.run_events import EndStatus  # noqa: PLC0415
 
         warn_before(scenario)
-        with ProgressLine(scenario.run.step) as progress:
+        if options.verbose:
+            log_everything()
+        with ProgressLine(scenario.run.step, shown=not options.verbose) as progress:
             outcome = run_platoon(scenario, folder, progress, stop.received)
-    if outcome.status != FINISHED:
+    if outcome.status is not EndStatus.FINISHED:
         print(f"platoon: {outcome.status}: {outcome.message}", file=sys.stderr)
         print(f"platoon: what was recorded until then is in {folder}", file=sys.stderr)
         return stop.exit_code or FAILED

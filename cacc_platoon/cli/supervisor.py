@@ -28,7 +28,9 @@ def main() -> int:
         return DONE
     try:
         return run_and_judge(
-            _scenario(), None, argparse.Namespace(json=False, check=False, no_report=False)
+            _scenario(),
+            None,
+            argparse.Namespace(json=False, check=False, no_report=False, verbose=False),
         )
     except UserError as error:
         print(error, file=sys.stderr)

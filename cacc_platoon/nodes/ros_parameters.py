@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -98,27 +97,6 @@ def scenario_of(node: Node, *own: str) -> Scenario:
     folder = next((path.parent for path in reversed(parameter_files(sys.argv))), Path())
     source = f"parameters of {node.get_fully_qualified_name()}"
     return Scenario.from_values(values, None, source, folder)
-
-
-LOCAL = {
-    *("run.hosts", "run.spawn", "run.manual_nodes", "run.real_time_factor", "run.start_timeout"),
-    *("run.stall_timeout", "record.directory", "leader.file", "leader.digest"),
-}
-"""Parameters of which a node started manually may have values of its own."""
-
-
-def shared_parameters(scenario: Scenario, index: int, groups: Iterable[str]) -> dict[str, Any]:
-    """Return the parameters of some groups in which a vehicle must agree with the run."""
-    values = {**scenario.values(), **scenario.overrides.get(index, {})}
-    if index in scenario.indices:
-        values["vehicle.tau"] = scenario.follower(index).tau
-    shared = {
-        name: value
-        for name, value in values.items()
-        if name.partition(".")[0] in groups and name not in LOCAL
-    }
-    plain: dict[str, Any] = json.loads(json.dumps(shared))
-    return plain
 
 
 def refuse_unknown_node(scenario: Scenario, node: str) -> None:

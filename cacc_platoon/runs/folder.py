@@ -32,6 +32,7 @@ SCENARIO_FILE = "scenario.yaml"
 INFO_FILE = "run.json"
 BAG = "bag"
 PARTS = "parts"
+LOGS = "logs"
 UNFINISHED = "unfinished"
 BYTES_PER_MESSAGE = 300
 """Disk that a message takes while the bag is written: in its part, in the bag, in its index."""
@@ -55,6 +56,7 @@ class RunFolder:
         self.path = path
         self.bag = path / BAG
         self.parts = path / PARTS
+        self.logs = path / LOGS
 
     @classmethod
     def create(cls, path: Path, scenario: Scenario) -> RunFolder:

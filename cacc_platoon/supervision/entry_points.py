@@ -89,7 +89,8 @@ def _run_node(name: str, create: Callable[[], PlatoonNode], example_index: int) 
         if recorder is None:
             return BAD_INPUT
     nodes: list[Node] = [node, recorder] if recorder else [node]
-    session = HostSession(host, nodes, node.scenario, recorder)
+    records, part = (recorder.recorded, str(recorder.folder)) if recorder else ([], "")
+    session = HostSession(host, nodes, node.scenario, records=records, part=part)
     node.get_logger().info("waiting for the supervisor")
     return serve(nodes, session, recorder, stop)
 
@@ -131,7 +132,8 @@ def recorder() -> int:
     made = start(_manual_recorder)
     if made is None:
         return BAD_INPUT
-    session = HostSession("recorder", [made], made.scenario, made)
+    part = str(made.folder)
+    session = HostSession("recorder", [made], made.scenario, records=made.recorded, part=part)
     made.get_logger().info("waiting for the supervisor")
     return serve([made], session, made, stop)
 

@@ -6,9 +6,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from multiprocessing.connection import Connection
-from pathlib import Path
 
 import rclpy
 from rclpy.executors import Executor
@@ -21,10 +19,11 @@ from cacc_platoon.nodes.leader import LeaderNode
 from cacc_platoon.nodes.noise_relay import NoiseRelayNode
 from cacc_platoon.nodes.recorder import RecorderNode
 from cacc_platoon.nodes.vehicle import VehicleNode
-from cacc_platoon.scenario import Scenario
-from cacc_platoon.scenario.names import NodeKind, NodeName
+from cacc_platoon.scenario.names import NodeKind
 from cacc_platoon.stop_signal import StopSignal
+from cacc_platoon.supervision.host_plan import HostPlan
 from cacc_platoon.supervision.host_session import HostSession
+from cacc_platoon.supervision.log import LOG, log_to_stderr, logging_to
 from msg_adapters.topics import Graph
 
 NODE_CLASSES: dict[NodeKind, type[LeaderNode | VehicleNode | NoiseRelayNode]] = {
@@ -34,17 +33,6 @@ NODE_CLASSES: dict[NodeKind, type[LeaderNode | VehicleNode | NoiseRelayNode]] = 
 }
 POLL_PERIOD = 0.05
 FLUSH_PERIOD = 0.5
-
-
-@dataclass(frozen=True)
-class HostPlan:
-    """What one host runs, and where it records."""
-
-    run: str
-    name: str
-    nodes: tuple[NodeName, ...]
-    scenario: Scenario
-    part: Path
 
 
 def run_host(plan: HostPlan, lifeline: Connection) -> None:
@@ -57,16 +45,32 @@ def run_host(plan: HostPlan, lifeline: Connection) -> None:
     lifeline : Connection
         Reading end of a pipe whose other end the supervisor holds: it closes when that dies.
     """
+    stop = host_signals()
+    if plan.verbose:
+        log_to_stderr()
+    with logging_to(plan.log):
+        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        graph = Graph.of(plan.scenario)
+        topics = [topic for node in plan.nodes for topic in graph.nodes[node].publishes]
+        recorder = RecorderNode(plan.scenario, plan.name, topics, plan.part)
+        nodes: list[Node] = [recorder]
+        nodes += [NODE_CLASSES[kind](plan.scenario, index) for kind, index in plan.nodes]
+        session = HostSession(
+            plan.name,
+            nodes,
+            plan.scenario,
+            records=recorder.recorded,
+            part=str(recorder.folder),
+            run=plan.run,
+        )
+        sys.exit(serve(nodes, session, recorder, stop, lifeline.poll))
+
+
+def host_signals() -> StopSignal:
+    """From now on SIGTERM ends this host in good order; a Ctrl-C is for the supervisor alone."""
     stop = StopSignal(signal.SIGTERM)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-    graph = Graph.of(plan.scenario)
-    topics = [topic for node in plan.nodes for topic in graph.nodes[node].publishes]
-    recorder = RecorderNode(plan.scenario, plan.name, topics, plan.part)
-    nodes: list[Node] = [recorder]
-    nodes += [NODE_CLASSES[kind](plan.scenario, index) for kind, index in plan.nodes]
-    session = HostSession(plan.name, nodes, plan.scenario, recorder, plan.run)
-    sys.exit(serve(nodes, session, recorder, stop, lifeline.poll))
+    return stop
 
 
 def serve(
@@ -117,4 +121,5 @@ def _spin(
             session.fail(f"host {session.host} was stopped by {name}")
             return
         if orphaned() or session.abandoned:
+            LOG.info("host %s: the supervisor is gone", session.host)
             return

@@ -1,15 +1,13 @@
-"""How a host and the supervisor talk: the start barrier, failures, and the end of the run.
+"""A host's part in a run, through one of its nodes: what it is told, and what it tells.
 
-A host publishes what it runs and how it is on <prefix>/host_state; the supervisor publishes what
-everybody should do on <prefix>/status. Both are latched JSON texts.
+What that means is decided in `host_machine`; here are topics, connections and the clock.
 """
 
 from __future__ import annotations
 
-import json
 import os
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 from rclpy.node import Node
@@ -18,34 +16,32 @@ from std_msgs.msg import String
 
 from cacc_platoon.nodes import qos
 from cacc_platoon.nodes.node import PlatoonNode
-from cacc_platoon.nodes.recorder import RecorderNode
-from cacc_platoon.nodes.ros_parameters import shared_parameters
 from cacc_platoon.scenario import Scenario
+from cacc_platoon.supervision.agreement import shared_parameters
+from cacc_platoon.supervision.host_machine import Endpoint, HostMachine
+from cacc_platoon.supervision.log import LOG
+from cacc_platoon.supervision.protocol import HostState, ProtocolError, RunStatus
+from cacc_platoon.supervision.run_state import some
 from msg_adapters.topics import PlatoonTopics
-
-WAITING, MATCHING, RUNNING, FINISHED, FAILED = (
-    *("waiting", "matching", "running"),
-    *("finished", "failed"),
-)
-ENDED = (FINISHED, FAILED)
-HEARTBEAT_PERIOD = 0.2
 
 
 class HostSession:
-    """One host's side of the talk, through one of its nodes.
+    """One host's part in a run.
 
     Parameters
     ----------
     host : str
         Name of the host.
     nodes : iterable of Node
-        All nodes of the process; the first one carries the talk.
+        All nodes of the process; the first one carries the messages.
     scenario : Scenario
         The run.
-    recorder : RecorderNode, optional
-        The host's recorder.
+    records : sequence of str, optional
+        Topics that the host records.
+    part : str, optional
+        Where it does so.
     run : str, optional
-        Which run the host belongs to; without it, the first one it hears of.
+        Which run the host belongs to; without it, the first one it meets.
     """
 
     def __init__(
@@ -53,138 +49,116 @@ class HostSession:
         host: str,
         nodes: Iterable[Node],
         scenario: Scenario,
-        recorder: RecorderNode | None = None,
+        *,
+        records: Sequence[str] = (),
+        part: str = "",
         run: str = "",
     ) -> None:
         self._nodes = list(nodes)
         self._prefix = f"{scenario.platoon.namespace}/"
-        self._silence_limit = 2.0 * scenario.run.stall_timeout + 5.0
-        self._status: dict[str, Any] = {"state": WAITING}
-        self._heard: float | None = None
-        topics = PlatoonTopics(scenario.platoon.namespace)
-        self._state: dict[str, Any] = {
-            "run": run,
-            "host": host,
-            "pid": os.getpid(),
-            "nodes": [_relative(node, self._prefix) for node in self._nodes],
-            "publishes": self._own_topics("publishers"),
-            "subscribes": self._own_topics("subscriptions"),
-            "records": recorder.recorded if recorder else [],
-            "part": str(recorder.folder) if recorder else "",
-            "state": "up",
-            "missing": [],
-            "failure": "",
-            "parameters": {} if run else self._parameters(),
-        }
-        carrier = self._nodes[0]
+        state = HostState(
+            run=run,
+            host=host,
+            pid=os.getpid(),
+            nodes=tuple(self._relative(node) for node in self._nodes),
+            publishes=self._own_topics("publishers"),
+            subscribes=self._own_topics("subscriptions"),
+            records=tuple(records),
+            part=part,
+            parameters={} if run else self._parameters(),
+        )
+        self._machine = HostMachine(state, 2.0 * scenario.run.stall_timeout + 5.0)
+        topics, carrier = PlatoonTopics(scenario.platoon.namespace), self._nodes[0]
         self._publisher = carrier.create_publisher(String, topics.host_state, _many_latched())
         carrier.create_subscription(String, topics.status, self._on_status, qos.latched())
+        LOG.info("host %s: process %d, %s", host, state.pid, some(state.nodes))
         self._publish()
 
     @property
     def host(self) -> str:
         """Name of the host."""
-        return str(self._state["host"])
+        return self._machine.state.host
 
     @property
     def finished(self) -> bool:
         """Whether the supervisor has ended the run in good order."""
-        return bool(self._status["state"] == FINISHED)
+        return self._machine.finished
 
     @property
     def ended(self) -> bool:
         """Whether the supervisor has ended the run."""
-        return self._status["state"] in ENDED
+        return self._machine.ended
 
     @property
     def abandoned(self) -> bool:
-        """Whether the supervisor was heard once and has fallen silent."""
-        return self._heard is not None and time.monotonic() - self._heard > self._silence_limit
+        """Whether the supervisor was there once and has fallen silent."""
+        return self._machine.abandoned(time.monotonic())
 
     def poll(self) -> None:
         """Report failures, and connections while the supervisor waits for them."""
         for node in self._nodes:
             if failures := getattr(node, "failures", None):
                 self.fail(failures[0])
-        if self._status["state"] == MATCHING and self._state["state"] == "up":
-            missing = self._missing(self._status["subscribers"])
-            if not missing:
-                self._change(state="matched", missing=[])
-            elif missing != self._state["missing"]:
-                self._change(missing=missing)
+        if self._machine.awaits_connections:
+            self._go_on(self._machine.take_connections(self._endpoints()))
 
     def fail(self, reason: str) -> None:
         """Report a failure that ends the run."""
-        if not self._state["failure"]:
-            self._change(state="failed", failure=reason)
+        self._go_on(self._machine.fail(reason))
 
     def close(self) -> None:
         """Report that the host is done and its part is closed."""
-        self._change(state="closed")
+        self._go_on(self._machine.close())
 
     def _on_status(self, message: String) -> None:
-        status = heard(message.data)
-        if status is None:
+        try:
+            status = RunStatus.from_json(message.data)
+        except ProtocolError:
+            return  # the supervisor sees in the graph who else publishes there
+        known = self._machine.status
+        self._go_on(self._machine.take_status(status, time.monotonic()))
+        if self._machine.status is status and (known is None or known.phase is not status.phase):
+            LOG.info("run %s: %s", status.run, " ".join([status.phase, status.message]).strip())
+
+    def _go_on(self, machine: HostMachine) -> None:
+        """Keep the new record, and publish its state when that is new."""
+        before, self._machine = self._machine.state, machine
+        if machine.state == before:
             return
-        if not self._state["run"]:
-            self._change(run=status["run"])
-        if status["run"] == self._state["run"]:
-            self._status, self._heard = status, time.monotonic()
+        if machine.state.phase is not before.phase:
+            LOG.info("host %s: %s", self.host, machine.state.failure or machine.state.phase)
+        self._publish()
 
-    def _missing(self, subscribers: dict[str, int]) -> list[str]:
-        """Say which connections of this host's nodes are not there yet."""
-        missing = []
+    def _publish(self) -> None:
+        self._publisher.publish(String(data=self._machine.state.to_json()))
+
+    def _endpoints(self) -> Iterator[Endpoint]:
         for node in self._nodes:
-            for publisher in node.publishers:
-                expected = subscribers.get(publisher.topic_name, 0)
-                found = publisher.get_subscription_count()
-                if found < expected:
-                    missing.append(
-                        f"{_relative(node, self._prefix)}: {found} of {expected} subscribers of "
-                        f"{publisher.topic_name}"
-                    )
-            for subscription in node.subscriptions:
-                topic = subscription.topic_name
-                if topic in subscribers and not subscription.get_publisher_count():
-                    missing.append(f"{_relative(node, self._prefix)}: no publisher of {topic}")
-        return missing
+            name = self._relative(node)
+            for end in node.publishers:
+                yield Endpoint(name, end.topic_name, True, end.get_subscription_count())
+            for end in node.subscriptions:
+                yield Endpoint(name, end.topic_name, False, end.get_publisher_count())
 
-    def _own_topics(self, kind: str) -> list[str]:
-        return [
+    def _own_topics(self, kind: str) -> tuple[str, ...]:
+        return tuple(
             endpoint.topic_name
             for node in self._nodes
             for endpoint in getattr(node, kind)
             if endpoint.topic_name.startswith(self._prefix)
-        ]
+        )
 
     def _parameters(self) -> dict[str, dict[str, Any]]:
-        """Return the parameters of nodes started manually, which must be those of the run."""
+        """Return the parameters of manually started nodes, which must be those of the run."""
         return {
-            _relative(node, self._prefix): shared_parameters(node.scenario, node.index, node.groups)
+            self._relative(node): shared_parameters(node.scenario, node.index, node.groups)
             for node in self._nodes
             if isinstance(node, PlatoonNode)
         }
 
-    def _change(self, **changes: object) -> None:
-        self._state.update(changes)
-        self._publish()
-
-    def _publish(self) -> None:
-        self._publisher.publish(String(data=json.dumps(self._state)))
-
-
-def heard(text: str) -> dict[str, Any] | None:
-    """Return what a host or a supervisor says; None for a text that is none of ours."""
-    try:
-        said = json.loads(text)
-    except ValueError:
-        return None
-    return said if isinstance(said, dict) and {"run", "state"} <= said.keys() else None
-
-
-def _relative(node: Node, prefix: str) -> str:
-    name: str = node.get_fully_qualified_name()
-    return name.removeprefix(prefix)
+    def _relative(self, node: Node) -> str:
+        name: str = node.get_fully_qualified_name()
+        return name.removeprefix(self._prefix)
 
 
 def _many_latched() -> QoSProfile:

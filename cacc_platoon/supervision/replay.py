@@ -1,14 +1,14 @@
-"""One real node in a process of its own, given what was recorded; what it publishes is heard.
+"""One real node in a process of its own, given what was recorded; its answers are kept.
 
 The process that replays is supervisor, predecessor and relay at once. It speaks to the node over
-DDS only and is never more than the lockstep window ahead of its answers.
+DDS only, and obeys the horizon as a leader does: it is never more than the lockstep window ahead
+of the answers.
 """
 
 from __future__ import annotations
 
-import signal
+import multiprocessing
 import sys
-import time
 import uuid
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -22,23 +22,26 @@ from std_msgs.msg import Int64
 from cacc_platoon.dds import shared_memory
 from cacc_platoon.model import State
 from cacc_platoon.nodes import qos
-from cacc_platoon.nodes.executor import create_executor, spin_for
+from cacc_platoon.nodes.executor import create_executor
 from cacc_platoon.nodes.node import MESSAGE_TYPES
 from cacc_platoon.nodes.vehicle import VehicleNode
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.names import NodeKind, NodeName
-from cacc_platoon.stop_signal import StopSignal
-from cacc_platoon.supervision.conductor import ADVICE, GOODBYE_TIMEOUT, TICK, RunFailedError
-from cacc_platoon.supervision.host import NODE_CLASSES, serve
-from cacc_platoon.supervision.host_session import FAILED, FINISHED, HostSession
-from cacc_platoon.supervision.launcher import HostProcesses
-from cacc_platoon.supervision.supervisor_node import SupervisorNode
-from msg_adapters.topics import Topic, VehicleTopics
+from cacc_platoon.supervision.conductor import Conductor, Crew, Observer
+from cacc_platoon.supervision.host import NODE_CLASSES, host_signals, serve
+from cacc_platoon.supervision.host_session import HostSession
+from cacc_platoon.supervision.log import log_to_stderr, logs_to_stderr
+from cacc_platoon.supervision.replay_machine import REPLAYED, REPLAYER, ReplayMachine
+from cacc_platoon.supervision.run_events import EndStatus
+from cacc_platoon.supervision.supervisor_node import start_supervisor
+from msg_adapters.topics import PlatoonTopics, Topic, VehicleTopics
 
 Feed = Sequence[tuple[Topic, Sequence[bytes | None]]]
 """Topics with a message per sample, None where there is none."""
 
-Observer = Callable[[str, int, int], None]
+
+class ReplayFailedError(Exception):
+    """The replay cannot go on; the line names the node, its last sample and what was missing."""
 
 
 @dataclass(frozen=True)
@@ -50,12 +53,14 @@ class NodePlan:
     node: NodeName
     scenario: Scenario
     initial: State[float] | None = None
+    verbose: bool = False
 
 
 def run_node(plan: NodePlan, lifeline: Connection) -> None:
     """Run the node of a plan as a host of its own; see `run_host`."""
-    stop = StopSignal(signal.SIGTERM)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    stop = host_signals()
+    if plan.verbose:
+        log_to_stderr()
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     node: Node
     if plan.node.kind == NodeKind.VEHICLE:
@@ -67,39 +72,38 @@ def run_node(plan: NodePlan, lifeline: Connection) -> None:
 
 
 class Feeder:
-    """Gives samples out, never more than a window ahead of their answers.
+    """Gives samples out as far as the horizon of a run allows.
 
     Parameters
     ----------
-    samples, window : int
-        How many there are, and how many may be without an answer.
+    samples : int
+        How many there are.
     give : callable
         Called with each sample, in order.
 
     Examples
     --------
     >>> given = []
-    >>> feeder = Feeder(samples=5, window=2, give=given.append)
-    >>> feeder.advance(done=0)
-    >>> feeder.advance(done=1)
+    >>> feeder = Feeder(samples=5, give=given.append)
+    >>> feeder.take_horizon(1)
+    >>> feeder.take_horizon(2)
     >>> given
     [0, 1, 2]
     """
 
-    def __init__(self, samples: int, window: int, give: Callable[[int], None]) -> None:
-        self._samples, self._window, self._give = samples, window, give
+    def __init__(self, samples: int, give: Callable[[int], None]) -> None:
+        self._samples, self._give = samples, give
         self._given = 0
 
-    def advance(self, done: int) -> None:
-        """Give what may be given when `done` samples are answered."""
-        limit = min(done + self._window, self._samples)
-        while self._given < limit:
+    def take_horizon(self, horizon: int) -> None:
+        """Give every sample up to and including `horizon`."""
+        while self._given < min(horizon + 1, self._samples):
             self._give(self._given)
             self._given += 1
 
 
 class ReplayerNode(Node):  # type: ignore[misc]
-    """Publishes what was recorded, as far as the window allows, and keeps the answers.
+    """Publishes what was recorded, as far as the horizon allows, and keeps the answers.
 
     Parameters
     ----------
@@ -121,11 +125,13 @@ class ReplayerNode(Node):  # type: ignore[misc]
         namespace = scenario.platoon.namespace
         super().__init__("replayer", namespace=namespace, use_global_arguments=False)
         self.answers: dict[str, list[bytes]] = {topic.name: [] for topic in outputs}
-        self.samples = samples
-        self._feeder = Feeder(samples, scenario.run.window, self._publish)
-        self._step_ns = scenario.step_ns
+        self._samples, self._step_ns = samples, scenario.step_ns
+        self._stride = max(1, scenario.run.window // 4)
         profile = qos.stream(scenario)
         own = VehicleTopics(namespace, index)
+        self._progress = self.create_publisher(
+            Int64, PlatoonTopics(namespace).recorded(REPLAYER), qos.latched()
+        )
         self._lost = self.create_publisher(Int64, own.complete.name, profile)
         self._feed = [
             (
@@ -139,15 +145,13 @@ class ReplayerNode(Node):  # type: ignore[misc]
             kind = MESSAGE_TYPES[topic.kind.type_name]
             receive = self._receiver(self.answers[topic.name])
             self.create_subscription(kind, topic.name, receive, profile, raw=True)
-
-    @property
-    def done(self) -> int:
-        """For so many samples every answer is here."""
-        return min(len(messages) for messages in self.answers.values())
-
-    def advance(self) -> None:
-        """Publish the samples that the window allows."""
-        self._feeder.advance(self.done)
+        feeder = Feeder(samples, self._publish)
+        self.create_subscription(
+            Int64,
+            PlatoonTopics(namespace).horizon,
+            lambda message: feeder.take_horizon(message.data),
+            qos.latched(),
+        )
 
     def _publish(self, sample: int) -> None:
         for publisher, messages, lossy in self._feed:
@@ -160,9 +164,15 @@ class ReplayerNode(Node):  # type: ignore[misc]
     def _receiver(self, answers: list[bytes]) -> Callable[[bytes], None]:
         def receive(data: bytes) -> None:
             answers.append(data)
-            self.advance()
+            if len(answers) % self._stride == 0 or len(answers) >= self._samples:
+                self._report()
 
         return receive
+
+    def _report(self) -> None:
+        """Say up to which sample every answer is here."""
+        done = min(len(messages) for messages in self.answers.values())
+        self._progress.publish(Int64(data=min(done, self._samples) - 1))
 
 
 def replay_node(
@@ -189,19 +199,31 @@ def replay_node(
 
     Raises
     ------
-    RunFailedError
+    ReplayFailedError
         When the node does not appear, ends, reports a failure or does not answer.
     """
     shared_memory.sweep()
-    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    multiprocessing.current_process().name = REPLAYER
+    supervisor = start_supervisor(plan.scenario)
     replayer = ReplayerNode(plan.scenario, plan.node.vehicle, feed, outputs, samples)
-    replay = _Replay(plan, replayer, observe, stopped)
-    state = FAILED
-    try:
-        replay.conduct()
-        state = FINISHED
-    finally:
-        replay.end(state)
+    executor = create_executor()
+    for node in (supervisor, replayer):
+        executor.add_node(node)
+    shared_memory.note_segments()
+    crew = ReplayCrew(plan, replayer)
+    machine = ReplayMachine(plan.scenario, plan.node, [*replayer.answers], samples)
+    conductor = Conductor(
+        supervisor,
+        executor,
+        machine,
+        crew,
+        run_id=plan.run,
+        observe=lambda _, k, n: observe("replaying", k, n),
+        stopped=stopped,
+    )
+    end = conductor.conduct()
+    if end.status is not EndStatus.FINISHED:
+        raise ReplayFailedError(end.message)
     return {name: messages[:samples] for name, messages in replayer.answers.items()}
 
 
@@ -209,87 +231,38 @@ def plan_replay(
     scenario: Scenario, node: str, index: int, initial: State[float] | None = None
 ) -> NodePlan:
     """Return the plan of a node that is to be replayed."""
-    return NodePlan(
-        uuid.uuid4().hex, "replayed", NodeName(NodeKind(node), index), scenario, initial
-    )
+    run, name = uuid.uuid4().hex, NodeName(NodeKind(node), index)
+    return NodePlan(run, REPLAYED, name, scenario, initial, logs_to_stderr())
 
 
-class _Replay:
-    """The steps of a replay: barrier, feeding, end."""
+class ReplayCrew(Crew):
+    """The process of the node, and this one as the recorder of its answers.
 
-    def __init__(
-        self,
-        plan: NodePlan,
-        replayer: ReplayerNode,
-        observe: Observer,
-        stopped: Callable[[], str | None],
-    ) -> None:
-        self._plan, self._replayer = plan, replayer
-        self._observe, self._stopped = observe, stopped
-        self._supervisor = SupervisorNode(plan.scenario, plan.run)
-        self._session = HostSession("replayer", [replayer], plan.scenario, run=plan.run)
-        self._executor = create_executor()
-        for node in (self._supervisor, replayer):
-            self._executor.add_node(node)
-        self._processes = HostProcesses()
-        shared_memory.note_segments()
+    Parameters
+    ----------
+    plan : NodePlan
+        The node.
+    replayer : ReplayerNode
+        Gives it what was recorded, and has its answers.
+    """
 
-    def conduct(self) -> None:
-        """Start the node and bring it to its last sample."""
-        supervisor, run = self._supervisor, self._plan.scenario.run
-        self._processes.start([self._plan], run_node)
-        hosts = {self._plan.name, self._session.host}
-        self._wait(lambda: hosts <= supervisor.hosts.keys(), run.start_timeout, "has not appeared")
-        supervisor.begin_matching()
-        self._wait(lambda: not supervisor.unmatched(), run.start_timeout, "is not connected")
-        if foreign := supervisor.foreign_publishers():
-            raise RunFailedError(f"{foreign[0]}. {ADVICE}")
-        supervisor.begin_running()
-        self._replayer.advance()
-        while (done := self._replayer.done) < self._replayer.samples:
-            self._wait(
-                lambda done=done: self._replayer.done > done,  # type: ignore[misc]
-                run.stall_timeout,
-                f"gave no answer to sample {done} and has stopped, or what it was given has",
-            )
+    def __init__(self, plan: NodePlan, replayer: ReplayerNode) -> None:
+        super().__init__()
+        self.nodes.append(replayer)
+        self._plan = plan
+        records = [*replayer.answers]
+        self._session = HostSession(
+            REPLAYER, [replayer], plan.scenario, records=records, run=plan.run
+        )
 
-    def end(self, state: str) -> None:
-        """End the node and its process in good order."""
-        ended = {one.name for one in self._processes.ended()}
-        self._supervisor.end(state, "")
+    def start_hosts(self) -> None:
+        """Start the process of the node."""
+        self.processes.start([self._plan], run_node)
+
+    def close_own_host(self) -> None:
+        """Say that everything was given."""
         self._session.close()
-        deadline = time.monotonic() + GOODBYE_TIMEOUT
-        heard = self._supervisor.hosts
-        while time.monotonic() < deadline and not ended:
-            if heard.get(self._plan.name, {"state": ""})["state"] == "closed":
-                break
-            self._spin()
-        self._processes.stop()
-        with shared_memory.cleared_segments():
-            self._executor.shutdown()
-            self._replayer.destroy_node()
-            self._supervisor.destroy_node()
-            rclpy.try_shutdown()
-        shared_memory.sweep()
 
-    def _wait(self, done: Callable[[], bool], limit: float, failure: str) -> None:
-        began = time.monotonic()
-        who = str(self._plan.node)
-        while not done():
-            self._spin()
-            if name := self._stopped():
-                raise RunFailedError(f"stopped by {name}")
-            if failures := self._supervisor.failures():
-                raise RunFailedError(failures[0])
-            for ended in self._processes.ended():
-                raise RunFailedError(f"{who} (process {ended.pid}) {ended.how}")
-            if time.monotonic() - began > limit:
-                missing = "; ".join(self._supervisor.unmatched())
-                raise RunFailedError(f"{who} {failure} for {limit:g} s {missing}".rstrip())
-
-    def _spin(self) -> None:
-        spin_for(self._executor, TICK)
-        self._supervisor.poll()
+    def poll(self) -> None:
+        """Report connections and failures of the host in this process."""
         self._session.poll()
-        self._supervisor.advance(self._replayer.done - 1)
-        self._observe("replaying", self._replayer.done, self._replayer.samples)

@@ -45,7 +45,7 @@ from cacc_platoon.runs.folder import INFO_FILE, RunFolder
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import format_scenario, load_scenario
 from cacc_platoon.simulation import Trajectory
-from cacc_platoon.supervision.host_session import ENDED, heard
+from cacc_platoon.supervision.protocol import HostSummary, ProtocolError, RunStatus
 from msg_adapters.topics import PlatoonTopics, Topic
 
 PATIENCE = 60.0
@@ -142,7 +142,7 @@ class Platoon:
         self.scenario_file.write_text(format_scenario(self.scenario), encoding="utf-8")
         self._environment = dict(environment or {})
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
-        self._status: dict[str, Any] = {"state": "", "sample": -1, "hosts": []}
+        self._status: RunStatus | None = None
         self._output, self._errors = base / "output.txt", base / "errors.txt"
         self._mark = f"{MARK}={os.getpid()}-{id(self)}"
 
@@ -206,11 +206,11 @@ class Platoon:
 
     def wait_state(self, state: str, timeout: float = PATIENCE) -> None:
         """Wait until the run is in a state: waiting, matching, running, finished or failed."""
-        self.wait(lambda: self._status["state"] == state, timeout, f"state {state}")
+        self.wait(lambda: self._phase == state, timeout, f"state {state}")
 
     def wait_sample(self, sample: int, timeout: float = PATIENCE) -> None:
         """Wait until everything is recorded up to and including a sample."""
-        self.wait(lambda: self._status["sample"] >= sample, timeout, f"sample {sample}")
+        self.wait(lambda: self._sample >= sample, timeout, f"sample {sample}")
 
     def wait(self, condition: Callable[[], bool], timeout: float, what: str) -> None:
         """Wait for a condition, hearing the platoon meanwhile.
@@ -226,7 +226,7 @@ class Platoon:
             if time.monotonic() > deadline:
                 raise TimeoutError(
                     f"{what} did not come within {timeout:g} s: the run is "
-                    f"{self._status['state'] or 'unheard'} at sample {self._status['sample']}; "
+                    f"{self._phase or 'not to be seen'} at sample {self._sample}; "
                     f"it said: {self._errors.read_text().strip() or 'nothing'}"
                 )
 
@@ -245,18 +245,16 @@ class Platoon:
 
     def wait_node(self, node: str, timeout: float = PATIENCE) -> None:
         """Wait until the supervisor knows a node."""
-        self.wait(
-            lambda: any(node in host["nodes"] for host in self._status["hosts"]), timeout, node
-        )
+        self.wait(lambda: any(node in host.nodes for host in self._hosts), timeout, node)
 
     def pid(self, node: str) -> int:
         """Return the process of a node, such as "vehicle_3/vehicle", or of "supervisor"."""
         if node in self._processes:
             return self._processes[node].pid
-        for host in self._status["hosts"]:
-            if node in host["nodes"]:
-                return int(host["pid"])
-        raise LookupError(f"{node} is in no host that was heard: {self._status['hosts']}")
+        for host in self._hosts:
+            if node in host.nodes:
+                return host.pid
+        raise LookupError(f"{node} is in none of the hosts that have appeared: {self._hosts}")
 
     def living(self) -> list[int]:
         """Return the ids of all processes of this platoon that live, whoever started them."""
@@ -301,7 +299,7 @@ class Platoon:
     def _wait_matched(self, publisher: Publisher) -> None:
         """Wait for a subscriber, or for the end: a stranger may be noticed before it has spoken."""
         self.wait(
-            lambda: publisher.get_subscription_count() > 0 or self._status["state"] in ENDED,
+            lambda: publisher.get_subscription_count() > 0 or self._ended,
             PATIENCE,
             "a subscriber",
         )
@@ -351,7 +349,24 @@ class Platoon:
         self._node.create_subscription(String, status, self._on_status, qos.latched())
 
     def _on_status(self, message: String) -> None:
-        self._status = heard(message.data) or self._status
+        with contextlib.suppress(ProtocolError):  # a test may send nonsense there
+            self._status = RunStatus.from_json(message.data)
+
+    @property
+    def _ended(self) -> bool:
+        return self._status is not None and self._status.phase.ended
+
+    @property
+    def _phase(self) -> str:
+        return self._status.phase if self._status else ""
+
+    @property
+    def _sample(self) -> int:
+        return self._status.sample if self._status else -1
+
+    @property
+    def _hosts(self) -> tuple[HostSummary, ...]:
+        return self._status.hosts if self._status else ()
 
     def _run(self, name: str, command: Sequence[str], output: Path, errors: Path) -> int:
         with output.open("wb") as out, errors.open("ab") as err:

@@ -16,7 +16,7 @@ from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import load_scenario, parse_scenario
 from cacc_platoon.scenario.parameter import ScenarioError
 from cacc_platoon.simulation import monte_carlo, simulate
-from cacc_platoon.supervision.launcher import plan_hosts
+from cacc_platoon.supervision.host_plan import divide
 from msg_adapters.topics import Graph
 
 PAPER_A = Path(__file__).parents[2] / "config" / "paper_a.yaml"
@@ -74,12 +74,8 @@ def test_the_report_names_the_right_vehicles_and_needs_no_other_bag(rear, tmp_pa
     assert "        12   " in summary(report, metrics_document(report))
 
 
-def test_hosts_and_nodes_have_the_numbers_of_the_whole(rear, tmp_path):
-    names = [
-        f"vehicle_{index}/{kind}"
-        for plan in plan_hosts(rear, tmp_path, "run")
-        for kind, index in plan.nodes
-    ]
+def test_hosts_and_nodes_have_the_numbers_of_the_whole(rear):
+    names = [str(node) for group in divide(rear, cores=2) for node in group]
     assert names == rear.node_names
     assert (names[0], names[-1]) == ("vehicle_6/leader", "vehicle_12/noise_relay")
 

@@ -1,0 +1,112 @@
+"""What a recorder does with each message, without ROS: the next due sample, and how far it is.
+
+In lockstep every topic has every sample, in order and once, so a message is written where its
+stamp is the due one, and refused otherwise. What is due is decided in `receiver` alone: a topic
+that does not have every sample gets a receiver of its own there, and calls `mark` when its channel
+says that it is complete up to a sample.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from cacc_platoon.scenario import Scenario
+from msg_adapters.stamped import SECOND
+from msg_adapters.topics import Topic
+
+_STAMP = struct.Struct("<4xiI")
+
+
+class SampleRecorder:
+    """Takes the messages of some topics, and counts the samples that all of them have.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        The run.
+    topics : sequence of Topic
+        What to record.
+    writers : mapping of str to callable
+        Called with each message of the topic of that name; may raise OSError.
+    folder : Path
+        Where they write, for the failure that says so.
+    progress : callable
+        Called now and then with a sample up to which everything is there.
+
+    Attributes
+    ----------
+    failures : list of str
+        What went wrong; the first one ends the run.
+    samples : dict of str to int
+        How many samples each topic has.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        topics: Sequence[Topic],
+        writers: Mapping[str, Callable[[bytes], object]],
+        folder: Path,
+        progress: Callable[[int], object],
+    ) -> None:
+        self.failures: list[str] = []
+        self.samples = dict.fromkeys((topic.name for topic in topics), 0)
+        self._writers, self._folder, self._progress = writers, folder, progress
+        self._step_ns, self._last = scenario.step_ns, scenario.samples - 1
+        self._stride = max(1, scenario.run.window // 4)
+        self._arrived: dict[int, int] = {}
+
+    def receiver(self, topic: Topic) -> Callable[[bytes], None]:
+        """Return the function that takes the messages of a topic, of which it has every sample."""
+        write, name = self._writers[topic.name], topic.name
+        unpack, size, step = _STAMP.unpack_from, topic.codec.size, self._step_ns
+        samples, last, stride, mark = self.samples, self._last, self._stride, self.mark
+        begin, end = topic.codec.padding
+        zeros = bytes(end - begin)
+
+        def receive(data: bytes) -> None:
+            k = samples[name]
+            if len(data) != size:
+                self._refuse(name, data, k)
+                return
+            seconds, nanoseconds = unpack(data)
+            if seconds * SECOND + nanoseconds != k * step:
+                self._refuse(name, data, k)
+                return
+            if data[begin:end] != zeros:
+                data = topic.codec.zero_padding(data)
+            try:
+                write(data)
+            except OSError as error:
+                self.not_written(error)
+                return
+            samples[name] = k + 1
+            if k % stride == 0 or k == last:
+                mark(k)
+
+        return receive
+
+    def mark(self, k: int) -> None:
+        """Count a topic in at sample k, and say so when it was the last one."""
+        arrived = self._arrived.get(k, 0) + 1
+        if arrived < len(self.samples):
+            self._arrived[k] = arrived
+        else:
+            self._arrived.pop(k, None)
+            self._progress(k)
+
+    def not_written(self, error: OSError) -> None:
+        """Take note that the disk does not take what is recorded."""
+        self.failures.append(f"{self._folder}: cannot be written: {error.strerror}")
+
+    def _refuse(self, name: str, data: bytes, k: int) -> None:
+        found = f"a message of {len(data)} bytes"
+        if len(data) >= _STAMP.size:
+            seconds, nanoseconds = _STAMP.unpack_from(data)
+            found += f" stamped {seconds + nanoseconds / SECOND:.9g} s"
+        self.failures.append(
+            f"{name}: {found} where {k * self._step_ns / SECOND:.9g} s is due: a message was lost "
+            "or comes from another publisher"
+        )

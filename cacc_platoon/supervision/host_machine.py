@@ -1,0 +1,112 @@
+"""What a host makes of what it is told and of what it sees, without a clock or a message.
+
+Every method returns the next record; when its `state` differs, everybody has to be told.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+
+from cacc_platoon.supervision.protocol import HostPhase, HostState, RunPhase, RunStatus, sendable
+
+
+@dataclass(frozen=True)
+class Endpoint:
+    """A publisher or a subscription of a node, and how many of the other kind it has found."""
+
+    node: str
+    topic: str
+    publishes: bool
+    found: int
+
+
+def missing_connections(
+    endpoints: Iterable[Endpoint], subscribers: Mapping[str, int]
+) -> tuple[str, ...]:
+    """Return a line for each connection that is not there yet.
+
+    Parameters
+    ----------
+    endpoints : iterable of Endpoint
+        Those of a host.
+    subscribers : mapping of str to int
+        How many subscribers each data topic has to have; other topics are not waited for.
+    """
+    missing = []
+    for end in endpoints:
+        if end.publishes and end.found < (expected := subscribers.get(end.topic, 0)):
+            missing.append(f"{end.node}: {end.found} of {expected} subscribers of {end.topic}")
+        elif not end.publishes and end.topic in subscribers and not end.found:
+            missing.append(f"{end.node}: no publisher of {end.topic}")
+    return tuple(missing)
+
+
+@dataclass(frozen=True)
+class HostMachine:
+    """One host's part in a run.
+
+    Attributes
+    ----------
+    state : HostState
+        What it tells everybody.
+    silence_limit : float
+        How long the supervisor may be silent before it counts as gone [s].
+    status : RunStatus, optional
+        The last word of the supervisor of its run.
+    heard_at : float, optional
+        When that came [s].
+    """
+
+    state: HostState
+    silence_limit: float
+    status: RunStatus | None = None
+    heard_at: float | None = None
+
+    @property
+    def awaits_connections(self) -> bool:
+        """Whether the supervisor waits for connections of this host."""
+        return self._in(RunPhase.MATCHING) and self.state.phase is HostPhase.UP
+
+    @property
+    def finished(self) -> bool:
+        """Whether the supervisor has ended the run in good order."""
+        return self._in(RunPhase.FINISHED)
+
+    @property
+    def ended(self) -> bool:
+        """Whether the supervisor has ended the run."""
+        return self.status is not None and self.status.phase.ended
+
+    def abandoned(self, now: float) -> bool:
+        """Whether the supervisor was there once and has fallen silent."""
+        return self.heard_at is not None and now - self.heard_at > self.silence_limit
+
+    def take_status(self, status: RunStatus, now: float) -> HostMachine:
+        """Take note of what a supervisor says; without a run, this is the one to belong to."""
+        state = self.state if self.state.run else replace(self.state, run=status.run)
+        if status.run != state.run:
+            return self
+        return replace(self, state=state, status=status, heard_at=now)
+
+    def take_connections(self, endpoints: Iterable[Endpoint]) -> HostMachine:
+        """Take note of the connections that are there, when they are waited for."""
+        if self.status is None or not self.awaits_connections:
+            return self
+        missing = missing_connections(endpoints, self.status.subscribers)
+        phase = HostPhase.UP if missing else HostPhase.MATCHED
+        return replace(self, state=replace(self.state, phase=phase, missing=missing))
+
+    def fail(self, reason: str) -> HostMachine:
+        """Report a failure that ends the run; the first one counts."""
+        if self.state.failure:
+            return self
+        state = replace(self.state, phase=HostPhase.FAILED, failure=sendable(reason))
+        return replace(self, state=state)
+
+    def close(self) -> HostMachine:
+        """Report that the host is done and its part is closed."""
+        return replace(self, state=replace(self.state, phase=HostPhase.CLOSED))
+
+    def _in(self, phase: RunPhase) -> bool:
+        return self.status is not None and self.status.phase is phase

@@ -1,0 +1,41 @@
+"""How far the leader may go, what recorders can have reached by then, how long a pause may last."""
+
+from __future__ import annotations
+
+from cacc_platoon.scenario import Scenario
+
+
+def horizon(scenario: Scenario, progress: int, elapsed: float) -> int:
+    """Return the last sample that the leader may publish.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        The run.
+    progress : int
+        Sample up to which everything is recorded, -1 before the first.
+    elapsed : float
+        Wall time since the start of the run [s].
+    """
+    run = scenario.run
+    window = progress + run.window
+    if not run.real_time_factor:
+        return window
+    return min(window, int(elapsed * run.real_time_factor / run.step))
+
+
+def furthest_sample(scenario: Scenario, horizon: int) -> int:
+    """Return the last sample that anybody can have published under a horizon.
+
+    A follower needs sample k of its predecessor for its own sample k + 1, so the vehicle at the
+    end may be ahead of the leader by one sample for each vehicle between.
+    """
+    return horizon + scenario.platoon.followers
+
+
+def stall_limit(scenario: Scenario) -> float:
+    """Return how long a run may make no progress [s]: at a slow pace even a window takes time."""
+    run = scenario.run
+    if not run.real_time_factor:
+        return run.stall_timeout
+    return run.stall_timeout + run.window * run.step / run.real_time_factor

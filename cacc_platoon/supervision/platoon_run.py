@@ -1,0 +1,242 @@
+"""A whole run from start to finish: the hosts, the run folder, how it ended."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import time
+import uuid
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rclpy.executors import Executor
+
+from cacc_platoon.bags.rows import Recording
+from cacc_platoon.dds import shared_memory
+from cacc_platoon.nodes.executor import create_executor
+from cacc_platoon.nodes.recorder import RecorderNode
+from cacc_platoon.runs.folder import RunFolder
+from cacc_platoon.runs.parts import read_parts
+from cacc_platoon.scenario import Scenario
+from cacc_platoon.supervision.conductor import Conductor, Crew, Observer
+from cacc_platoon.supervision.host import FLUSH_PERIOD
+from cacc_platoon.supervision.host_plan import HostPlan, plan_hosts
+from cacc_platoon.supervision.host_session import HostSession
+from cacc_platoon.supervision.log import LOG, logging_to, logs_to_stderr
+from cacc_platoon.supervision.outcome import conclude
+from cacc_platoon.supervision.run_events import EndStatus
+from cacc_platoon.supervision.run_machine import OWN_HOST, RunMachine
+from cacc_platoon.supervision.run_state import Run, summaries
+from cacc_platoon.supervision.supervisor_node import (
+    SupervisorNode,
+    end_supervisor,
+    start_supervisor,
+)
+from msg_adapters.topics import Graph
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a run ended.
+
+    Attributes
+    ----------
+    status : EndStatus
+        "finished", "failed" or "interrupted".
+    message : str
+        Why it did not finish; empty otherwise.
+    info : dict
+        What run.json says.
+    """
+
+    status: EndStatus
+    message: str
+    info: dict[str, Any]
+
+
+def run_platoon(
+    scenario: Scenario,
+    path: Path,
+    observe: Observer = lambda *_: None,
+    stopped: Callable[[], str | None] = lambda: None,
+) -> Outcome:
+    """Run a scenario on real nodes and leave a finished run folder.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        What to run.
+    path : Path
+        The run folder, made here.
+    observe : callable, optional
+        Hears about progress.
+    stopped : callable, optional
+        Returns the name of a signal that asks for the end of the run, or None.
+
+    Raises
+    ------
+    UserError
+        When the run cannot start; nothing is left behind then.
+    """
+    shared_memory.sweep()
+    multiprocessing.current_process().name = OWN_HOST
+    run_id = uuid.uuid4().hex
+    plans = _plans(scenario, path, run_id) if scenario.run.spawn else []
+    node = start_supervisor(scenario)
+    try:
+        folder = RunFolder.create(path, scenario)
+    except BaseException:
+        end_supervisor(node)
+        raise
+    with logging_to(folder.logs / f"{OWN_HOST}.log"):
+        conductor = _conduct(node, folder, plans, run_id, observe=observe, stopped=stopped)
+        return _finish(folder, scenario, conductor, observe)
+
+
+def _plans(scenario: Scenario, path: Path, run_id: str) -> list[HostPlan]:
+    return plan_hosts(
+        scenario,
+        RunFolder(path),
+        run_id,
+        cores=len(os.sched_getaffinity(0)),
+        local=os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE") == "LOCALHOST",
+        verbose=logs_to_stderr(),
+    )
+
+
+class RunCrew(Crew):
+    """The hosts of a run, and the recorder of what none of them records.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        What is run.
+    run_id : str
+        What tells this run from every other.
+    plans : sequence of HostPlan
+        The hosts to start.
+    executor : Executor
+        Spins the recorder.
+    part : Path
+        Where it records.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        run_id: str,
+        plans: Sequence[HostPlan],
+        executor: Executor,
+        part: Path,
+    ) -> None:
+        super().__init__()
+        self._scenario, self._run_id, self._plans = scenario, run_id, plans
+        self._executor, self._part = executor, part
+        self._recorder: RecorderNode | None = None
+        self._session: HostSession | None = None
+        self._flushed = time.monotonic()
+
+    def start_hosts(self) -> None:
+        """Start the processes."""
+        self.processes.start(self._plans)
+
+    def record_the_rest(self, topics: Sequence[str]) -> None:
+        """Record topics in this process."""
+        recorded = [topic for topic in Graph.of(self._scenario).recorded if topic.name in topics]
+        self._recorder = RecorderNode(self._scenario, OWN_HOST, recorded, self._part)
+        self.nodes.append(self._recorder)
+        self._executor.add_node(self._recorder)
+        self._session = HostSession(
+            OWN_HOST,
+            [self._recorder],
+            self._scenario,
+            records=self._recorder.recorded,
+            part=str(self._recorder.folder),
+            run=self._run_id,
+        )
+
+    def poll(self) -> None:
+        """Keep the host in this process going."""
+        if self._session:
+            self._session.poll()
+        if time.monotonic() - self._flushed > FLUSH_PERIOD:
+            self._flushed = time.monotonic()
+            shared_memory.note_segments()
+            if self._recorder:
+                self._recorder.flush()
+
+    def close_own_host(self) -> None:
+        """Say that the host in this process is done."""
+        if self._session:
+            self._session.close()
+
+    def close(self) -> None:
+        """End what is left of the hosts, and close the part of the one in this process."""
+        super().close()
+        if self._recorder:
+            self._recorder.close()
+
+
+def _conduct(
+    node: SupervisorNode,
+    folder: RunFolder,
+    plans: Sequence[HostPlan],
+    run_id: str,
+    *,
+    observe: Observer,
+    stopped: Callable[[], str | None],
+) -> Conductor:
+    """Bring the run from its beginning to its end."""
+    scenario, executor = node.scenario, create_executor()
+    executor.add_node(node)
+    shared_memory.note_segments()
+    machine = RunMachine(scenario, [topic.name for topic in Graph.of(scenario).recorded])
+    crew = RunCrew(scenario, run_id, plans, executor, folder.parts / OWN_HOST)
+    conductor = Conductor(
+        node, executor, machine, crew, run_id=run_id, observe=observe, stopped=stopped
+    )
+    conductor.conduct()
+    return conductor
+
+
+def _finish(
+    folder: RunFolder, scenario: Scenario, conductor: Conductor, observe: Observer
+) -> Outcome:
+    """Write the bag and run.json."""
+    run = conductor.run
+    assert run.end is not None
+    recording = {**folder.recording(), **_parts_elsewhere(folder, run)}
+    topics = [topic.name for topic in Graph.of(scenario).recorded]
+    counts = {name: len(record.messages) for name, record in recording.items()}
+    status, message = conclude(scenario, topics, run.end, counts)
+    LOG.info("%s", ": ".join(filter(None, [status, message])))
+    info = {"status": status, "message": message, **_measured(conductor, scenario)}
+    try:
+        info = folder.finish(
+            scenario, recording, info, lambda k, n: observe("writing the bag", k, n)
+        )
+    except OSError as error:
+        unwritten = f"the bag could not be written ({error.strerror}); `platoon report` tries again"
+        return Outcome(EndStatus.FAILED, "; ".join(filter(None, [message, unwritten])), info)
+    return Outcome(status, message, info)
+
+
+def _parts_elsewhere(folder: RunFolder, run: Run) -> Recording:
+    """Return what hosts recorded outside of the run folder, as far as it is on this machine."""
+    parts = [Path(host.part) for host in run.hosts.values() if host.part]
+    return read_parts([part for part in parts if folder.parts.absolute() not in part.parents])
+
+
+def _measured(conductor: Conductor, scenario: Scenario) -> dict[str, Any]:
+    """Return times, progress and hosts for run.json."""
+    run = conductor.run
+    wall = 0.0 if run.started is None or run.ended is None else run.ended - run.started
+    return {
+        "samples": run.progress + 1,
+        "wall_time": wall,
+        "real_time_factor": scenario.run.duration / wall if wall else None,
+        "start_time": conductor.start_time,
+        "hosts": [host.to_dict() for host in summaries(run)],
+    }

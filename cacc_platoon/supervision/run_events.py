@@ -1,0 +1,158 @@
+"""What the run machine is told, and what it asks for: one record for each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TypeAlias
+
+from cacc_platoon.supervision.protocol import HostState
+
+
+class EndStatus(StrEnum):
+    """How a run ended, as run.json says."""
+
+    FINISHED = "finished"
+    FAILED = "failed"
+    INTERRUPTED = "interrupted"
+
+
+@dataclass(frozen=True)
+class Tick:
+    """Time has passed; what happened since the last one is judged now."""
+
+
+@dataclass(frozen=True)
+class HostReported:
+    """A host says how it is."""
+
+    state: HostState
+
+
+@dataclass(frozen=True)
+class MessageRefused:
+    """A message has come that is none of ours; the line says which and why."""
+
+    reason: str
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """A host's recorder holds everything up to and including a sample."""
+
+    host: str
+    sample: int
+
+
+@dataclass(frozen=True)
+class RecordersConnected:
+    """The progress of these hosts' recorders arrives here."""
+
+    hosts: frozenset[str]
+
+
+@dataclass(frozen=True)
+class GraphObserved:
+    """Somebody has looked who publishes the platoon's topics: a line for each that others do."""
+
+    foreign: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class ProcessEnded:
+    """A host's process, one that this run has started, is no longer there."""
+
+    host: str
+    pid: int
+    how: str
+
+
+@dataclass(frozen=True)
+class SignalReceived:
+    """A signal asks for the end of the run."""
+
+    name: str
+
+
+Event: TypeAlias = (
+    Tick
+    | HostReported
+    | MessageRefused
+    | Recorded
+    | RecordersConnected
+    | GraphObserved
+    | ProcessEnded
+    | SignalReceived
+)
+
+
+@dataclass(frozen=True)
+class ObserveGraph:
+    """Look who publishes the platoon's topics and answer with GraphObserved."""
+
+
+@dataclass(frozen=True)
+class StartHosts:
+    """Start the processes of the hosts."""
+
+
+@dataclass(frozen=True)
+class FollowRecorder:
+    """Listen to the progress of a host's recorder; each message is a Recorded."""
+
+    host: str
+
+
+@dataclass(frozen=True)
+class RecordTheRest:
+    """Record in the supervisor's process what no host records, as the host OWN_HOST."""
+
+    topics: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class PublishStatus:
+    """Tell everybody how far the run is."""
+
+
+@dataclass(frozen=True)
+class PublishHorizon:
+    """Let the leader go as far as a sample."""
+
+    sample: int
+
+
+@dataclass(frozen=True)
+class CloseOwnHost:
+    """Close the host in the supervisor's process, if there is one."""
+
+
+@dataclass(frozen=True)
+class EndRun:
+    """Stop what is left of the hosts: the run is over.
+
+    Attributes
+    ----------
+    status : EndStatus
+        How it ended.
+    message : str
+        Why it did not finish; empty otherwise.
+    silent : tuple of str
+        A line for each host that did not take leave.
+    """
+
+    status: EndStatus
+    message: str = ""
+    silent: tuple[str, ...] = ()
+
+
+Action: TypeAlias = (
+    ObserveGraph
+    | StartHosts
+    | FollowRecorder
+    | RecordTheRest
+    | PublishStatus
+    | PublishHorizon
+    | CloseOwnHost
+    | EndRun
+)

@@ -1,0 +1,353 @@
+"""What happens in a run, and what is to be done then, without a clock, a process or a message.
+
+`RunMachine.step` takes the state of a run, an event and the time, and returns the next state and
+the actions to carry out. Only a Tick and a GraphObserved decide; other events are taken down, and
+answered where an answer cannot wait (the horizon, a new recorder). So events may be fed from
+anywhere, at any time, and actions carried out at once. A run of actions and states follows from
+the list of events and times alone, and can be repeated from it.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+
+from cacc_platoon.scenario import Scenario
+from cacc_platoon.supervision.agreement import disagreements
+from cacc_platoon.supervision.pacing import furthest_sample, horizon, stall_limit
+from cacc_platoon.supervision.protocol import HostState, RunPhase, RunStatus, sendable
+from cacc_platoon.supervision.run_events import (
+    Action,
+    CloseOwnHost,
+    EndRun,
+    EndStatus,
+    Event,
+    FollowRecorder,
+    GraphObserved,
+    HostReported,
+    MessageRefused,
+    ObserveGraph,
+    ProcessEnded,
+    PublishHorizon,
+    PublishStatus,
+    Recorded,
+    RecordersConnected,
+    RecordTheRest,
+    StartHosts,
+    Tick,
+)
+from cacc_platoon.supervision.run_state import (
+    Run,
+    Stage,
+    silent_hosts,
+    some,
+    summaries,
+    unmatched,
+)
+
+NEWCOMER_WAIT = 0.4
+"""How long a run looks around for a platoon of the same name before it starts hosts [s]."""
+GOODBYE_TIMEOUT = 3.0
+"""How long hosts may take to close their parts [s]."""
+GRAPH_PERIOD = 0.5
+"""How often the graph is looked at [s]; every look takes time."""
+HEARTBEAT_PERIOD = 0.2
+"""How often everybody is told that the supervisor lives [s]."""
+OWN_HOST = "supervisor"
+"""Name of the host in the supervisor's process."""
+NAMED_FAILURES = 3
+"""So many failures are named in the message; others follow from them."""
+FOREIGN = "another publisher"
+ADVICE = (
+    "Another platoon or publisher uses these names; give one of them another platoon.namespace "
+    "or ROS_DOMAIN_ID"
+)
+
+
+Step = tuple[Run, list[Action]]
+
+
+class RunMachine:
+    """The rules of a run.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        What is run.
+    topics : iterable of str
+        What has to be recorded.
+    nodes : iterable of str, optional
+        Which nodes have to appear; those of the scenario by default.
+    samples : int, optional
+        How many samples it takes; those of the scenario by default.
+    newcomer_wait : float, optional
+        How long to look around before hosts are started [s].
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        topics: Iterable[str],
+        *,
+        nodes: Iterable[str] | None = None,
+        samples: int | None = None,
+        newcomer_wait: float = NEWCOMER_WAIT,
+    ) -> None:
+        self.scenario = scenario
+        self.samples = scenario.samples if samples is None else samples
+        self._topics = tuple(topics)
+        self._nodes = tuple(scenario.node_names if nodes is None else nodes)
+        self._newcomer_wait = newcomer_wait
+        self._stall_limit = stall_limit(scenario)
+
+    def begin(self, run_id: str, now: float) -> Run:
+        """Return the state of a run that begins."""
+        return Run(run_id, Stage.LOOKING, now)
+
+    def status(self, run: Run, outside: Mapping[str, int] | None = None) -> RunStatus:
+        """Return what everybody is told.
+
+        Parameters
+        ----------
+        run : Run
+            The state of the run.
+        outside : mapping of str to int, optional
+            While matching: subscribers outside of the platoon for each data topic. They are
+            waited for too, so they miss nothing.
+        """
+        return RunStatus(
+            run=run.id,
+            phase=run.phase,
+            sample=run.progress,
+            samples=self.samples,
+            message=sendable(run.end.message) if run.end else "",
+            hosts=summaries(run),
+            subscribers=_wanted_subscribers(run, outside) if outside else {},
+        )
+
+    def step(self, run: Run, event: Event, now: float) -> Step:
+        """Return the next state of a run and what is to be done.
+
+        Parameters
+        ----------
+        run : Run
+            The state so far.
+        event : Event
+            What happened.
+        now : float
+            When, by a clock that never goes back [s].
+        """
+        step: Step
+        match event:
+            case Recorded(host, sample):
+                step = self._take_recorded(run, host, sample, now)
+            case Tick():
+                step = self._with_heartbeat(*self._judge(run, now), now)
+            case HostReported(state):
+                step = self._take_host(run, state)
+            case GraphObserved(foreign):
+                step = self._judge_graph(run, foreign, now)
+            case RecordersConnected(hosts):
+                step = run._replace(connected=hosts), []
+            case MessageRefused(reason):
+                step = _refuse(run, reason), []
+            case ProcessEnded():
+                ended = {**run.ended_processes, event.host: event}
+                step = run._replace(ended_processes=ended), []
+            case _:
+                step = run._replace(signal=run.signal or event.name), []
+        return step
+
+    # What happens is taken down ...
+
+    def _take_recorded(self, run: Run, host: str, sample: int, now: float) -> Step:
+        if host not in run.recorded:
+            return run, []
+        if sample > run.reach:
+            reason = (
+                f"host {host}: reports sample {sample} as recorded, beyond the horizon "
+                f"{run.reach}: the message comes from {FOREIGN}"
+            )
+            return _refuse(run, reason), []
+        recorded = {**run.recorded, host: max(sample, run.recorded[host])}
+        progress = min(recorded.values())
+        if progress <= run.progress or run.phase is not RunPhase.RUNNING:
+            return run._replace(recorded=recorded), []
+        return self._pace(run._replace(recorded=recorded, progress=progress, moved=now), now)
+
+    def _take_host(self, run: Run, state: HostState) -> Step:
+        if state.run != run.id:
+            return run, []
+        actions: list[Action] = []
+        recorded = run.recorded
+        if state.records and state.host not in recorded:
+            recorded = {**recorded, state.host: -1}
+            actions = [FollowRecorder(state.host)]
+        return run._replace(hosts={**run.hosts, state.host: state}, recorded=recorded), actions
+
+    # ... and judged at the next tick.
+
+    def _judge(self, run: Run, now: float) -> Step:
+        judges: dict[Stage, Callable[[Run, float], Step]] = {
+            Stage.STARTING: self._await_nodes,
+            Stage.RECORDING: self._await_own_host,
+            Stage.MATCHING: self._await_connections,
+            Stage.RUNNING: self._watch,
+            Stage.NAMING: self._name,
+            Stage.LEAVING: self._take_leave,
+        }
+        judge = judges.get(run.stage, self._look)
+        if run.stage in (Stage.NAMING, Stage.LEAVING, Stage.OVER):
+            return judge(run, now)
+        return self._stop(run, now) or judge(run, now)
+
+    def _stop(self, run: Run, now: float) -> Step | None:
+        """End a run that cannot go on."""
+        if run.signal:
+            return self._fail(run, now, [f"stopped by {run.signal}"])
+        if failures := run.failures[:NAMED_FAILURES]:
+            if any(FOREIGN in failure for failure in failures):
+                return run._replace(stage=Stage.NAMING, since=now), [ObserveGraph()]
+            return self._fail(run, now, failures)
+        for ended in run.ended_processes.values():
+            return self._fail(run, now, [self.process_ended(run, ended)])
+        return None
+
+    def _name(self, run: Run, now: float) -> Step:
+        """Give the graph some time to show who sent a message that is none of ours."""
+        if now - run.since > GRAPH_PERIOD:
+            return self._fail(run, now, [*run.failures[:NAMED_FAILURES], ADVICE])
+        return run, [ObserveGraph()]
+
+    @staticmethod
+    def _look(run: Run, _now: float) -> Step:
+        return run, [] if run.stage is Stage.OVER else [ObserveGraph()]
+
+    def _judge_graph(self, run: Run, foreign: Sequence[str], now: float) -> Step:
+        run = run._replace(graph_checked=now)
+        if run.stage in (Stage.LEAVING, Stage.OVER):
+            return run, []
+        if foreign and run.stage is Stage.NAMING:
+            return self._fail(run, now, [*run.failures[:NAMED_FAILURES], foreign[0], ADVICE])
+        if foreign:
+            return self._fail(run, now, [f"{foreign[0]}. {ADVICE}"])
+        if run.stage is Stage.LOOKING and now - run.since > self._newcomer_wait:
+            return run._replace(stage=Stage.STARTING, since=now), [StartHosts()]
+        if run.stage is Stage.CHECKING:
+            run = run._replace(stage=Stage.RUNNING, phase=RunPhase.RUNNING, started=now, moved=now)
+            run, actions = self._pace(run, now)
+            return run, [PublishStatus(), *actions]
+        return run, []
+
+    def _await_nodes(self, run: Run, now: float) -> Step:
+        present = {node for host in run.hosts.values() for node in host.nodes}
+        if missing := [node for node in self._nodes if node not in present]:
+            return self._wait_for(run, now, missing)
+        parameters = {n: p for host in run.hosts.values() for n, p in host.parameters.items()}
+        if differing := disagreements(self.scenario, parameters):
+            return self._fail(run, now, [f"{some(differing)}. Start it with the run's parameters"])
+        covered = {topic for host in run.hosts.values() for topic in host.records}
+        if rest := tuple(topic for topic in self._topics if topic not in covered):
+            return run._replace(stage=Stage.RECORDING), [RecordTheRest(rest)]
+        return self._match(run)
+
+    def _await_own_host(self, run: Run, now: float) -> Step:
+        if OWN_HOST not in run.hosts:
+            return self._wait_for(run, now, ["recorder"])
+        return self._match(run)
+
+    def _match(self, run: Run) -> Step:
+        return run._replace(stage=Stage.MATCHING, phase=RunPhase.MATCHING), [PublishStatus()]
+
+    def _await_connections(self, run: Run, now: float) -> Step:
+        if missing := unmatched(run):
+            return self._wait_for(run, now, missing)
+        return run._replace(stage=Stage.CHECKING), [ObserveGraph()]
+
+    def _wait_for(self, run: Run, now: float, missing: Sequence[str]) -> Step:
+        if now - run.since > self.scenario.run.start_timeout:
+            return self._fail(run, now, [self.late(run, missing)])
+        return run, self._look_now_and_then(run, now)
+
+    def _watch(self, run: Run, now: float) -> Step:
+        if run.progress >= self.samples - 1:
+            return self._leave(run._replace(ended=now), EndRun(EndStatus.FINISHED), now)
+        if now - run.moved > self._stall_limit:
+            return self._fail(run, now, [self.stalled(run, self._stall_limit)])
+        actions = self._look_now_and_then(run, now)
+        if not self.scenario.run.real_time_factor:
+            return run, actions
+        run, pace = self._pace(run, now)
+        return run, [*pace, *actions]
+
+    def _pace(self, run: Run, now: float) -> Step:
+        elapsed = 0.0 if run.started is None else now - run.started
+        sample = horizon(self.scenario, run.progress, elapsed)
+        reach = max(run.reach, furthest_sample(self.scenario, sample))
+        return run._replace(reach=reach), [PublishHorizon(sample)]
+
+    @staticmethod
+    def _look_now_and_then(run: Run, now: float) -> list[Action]:
+        return [ObserveGraph()] if now - run.graph_checked > GRAPH_PERIOD else []
+
+    @staticmethod
+    def _with_heartbeat(run: Run, actions: list[Action], now: float) -> Step:
+        due = now - run.status_published > HEARTBEAT_PERIOD and run.stage is not Stage.OVER
+        if due and PublishStatus() not in actions:
+            actions = [PublishStatus(), *actions]
+        if PublishStatus() in actions:
+            run = run._replace(status_published=now)
+        return run, actions
+
+    # How a run ends.
+
+    def _fail(self, run: Run, now: float, reasons: Sequence[str]) -> Step:
+        status = EndStatus.INTERRUPTED if run.signal else EndStatus.FAILED
+        return self._leave(run, EndRun(status, "; ".join(reasons)), now)
+
+    @staticmethod
+    def _leave(run: Run, end: EndRun, now: float) -> Step:
+        finished = end.status is EndStatus.FINISHED
+        phase = RunPhase.FINISHED if finished else RunPhase.FAILED
+        run = run._replace(stage=Stage.LEAVING, since=now, phase=phase, end=end)
+        return run, [PublishStatus(), CloseOwnHost()]
+
+    @staticmethod
+    def _take_leave(run: Run, now: float) -> Step:
+        assert run.end is not None
+        waited_for = silent_hosts(run)
+        if waited_for and now - run.since <= GOODBYE_TIMEOUT:
+            return run, []
+        end = replace(run.end, silent=tuple(waited_for))
+        return run._replace(stage=Stage.OVER, end=end), [end]
+
+    # What is said of it; a replay has other words.
+
+    def late(self, run: Run, missing: Sequence[str]) -> str:
+        """Say what has not come in time."""
+        matching = run.stage is Stage.MATCHING
+        what = "these connections are missing" if matching else "these nodes have not appeared"
+        return (
+            f"after {self.scenario.run.start_timeout:g} s {what}: {some(missing)}. Start what is "
+            "missing, or raise run.start_timeout."
+        )
+
+    def stalled(self, run: Run, limit: float) -> str:
+        """Say that nothing moves on."""
+        return f"no progress for {limit:g} s"
+
+    def process_ended(self, run: Run, ended: ProcessEnded) -> str:
+        """Say whose process is gone."""
+        host = run.hosts.get(ended.host)
+        nodes = some(host.nodes if host else ["before it appeared"])
+        return f"host {ended.host} (process {ended.pid}: {nodes}) {ended.how}"
+
+
+def _refuse(run: Run, reason: str) -> Run:
+    return run._replace(refused=(*run.refused, reason)[:NAMED_FAILURES])
+
+
+def _wanted_subscribers(run: Run, outside: Mapping[str, int]) -> dict[str, int]:
+    own = Counter(topic for host in run.hosts.values() for topic in host.subscribes)
+    return {topic: own[topic] + more for topic, more in outside.items()}

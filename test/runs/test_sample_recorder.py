@@ -1,0 +1,127 @@
+"""What a recorder does with a message: writes the due one, refuses others, says how far it is."""
+
+import errno
+import os
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cacc_platoon.runs.sample_recorder import SampleRecorder
+from cacc_platoon.scenario import Scenario
+from msg_adapters.topics import Topic, VehicleTopics
+
+SCENARIO = Scenario.from_values(
+    {"platoon.followers": 1, "run.duration": 0.3, "run.window": 20}, None, "test"
+)
+STEP, STRIDE, LAST = SCENARIO.step_ns, 5, 30
+LEADER = VehicleTopics("/platoon", 0)
+POSE, TWIST = LEADER.pose, LEADER.twist
+FOLDER = Path("/parts/host_0")
+
+
+class Rig:
+    """A recorder whose disk and whose listeners are lists."""
+
+    def __init__(self, *topics: Topic) -> None:
+        self.topics = topics or (POSE, TWIST)
+        self.written: dict[str, list[bytes]] = {topic.name: [] for topic in self.topics}
+        self.progress: list[int] = []
+        writers = {name: messages.append for name, messages in self.written.items()}
+        self.recorder = SampleRecorder(SCENARIO, self.topics, writers, FOLDER, self.progress.append)
+        self.receive = {topic.name: self.recorder.receiver(topic) for topic in self.topics}
+
+    def give(self, topic: Topic, sample: int) -> bytes:
+        """Give it the message of a sample and return that."""
+        message = topic.codec.encode(sample * STEP, 0.5 * sample)
+        self.receive[topic.name](message)
+        return message
+
+
+def test_messages_are_written_as_they_are() -> None:
+    rig = Rig()
+    messages = [rig.give(POSE, k) for k in range(LAST + 1)]
+    assert rig.written == {POSE.name: messages, TWIST.name: []}
+    assert rig.recorder.samples == {POSE.name: LAST + 1, TWIST.name: 0}
+    assert rig.recorder.failures == []
+
+
+@given(st.randoms(use_true_random=False))
+def test_progress_is_what_every_topic_has_whatever_the_order(random) -> None:
+    rig = Rig()
+    turns = [topic for topic in rig.topics for _ in range(LAST + 1)]
+    random.shuffle(turns)
+    for topic in turns:
+        rig.give(topic, rig.recorder.samples[topic.name])
+        reached = min(rig.recorder.samples.values()) - 1
+        assert rig.progress == [k for k in range(0, LAST + 1, STRIDE) if k <= reached]
+    assert rig.progress[-1] == LAST
+
+
+def test_the_last_sample_is_reported_though_no_stride_ends_there() -> None:
+    scenario = Scenario.from_values({"run.duration": 0.13, "run.window": 20}, None, "test")
+    progress: list[int] = []
+    writers = {POSE.name: [].append}
+    recorder = SampleRecorder(scenario, [POSE], writers, FOLDER, progress.append)
+    receive = recorder.receiver(POSE)
+    for k in range(14):
+        receive(POSE.codec.encode(k * STEP, 0.0))
+    assert progress == [0, 5, 10, 13]
+
+
+def test_a_window_of_one_sample_reports_every_sample() -> None:
+    scenario = Scenario.from_values({"run.duration": 0.1, "run.window": 1}, None, "test")
+    progress: list[int] = []
+    recorder = SampleRecorder(scenario, [POSE], {POSE.name: [].append}, FOLDER, progress.append)
+    for k in range(11):
+        recorder.receiver(POSE)(POSE.codec.encode(k * STEP, 0.0))
+    assert progress == list(range(11))
+
+
+@pytest.mark.parametrize(
+    ("sample", "due", "stamp"), [(0, 3, "0"), (2, 3, "0.02"), (4, 3, "0.04"), (99, 0, "0.99")]
+)
+def test_a_message_that_is_not_due_is_refused(sample: int, due: int, stamp: str) -> None:
+    rig = Rig()
+    for k in range(due):
+        rig.give(POSE, k)
+    rig.give(POSE, sample)
+    size = POSE.codec.size
+    assert rig.recorder.failures == [
+        f"/platoon/vehicle_0/pose: a message of {size} bytes stamped {stamp} s where "
+        f"{due * 0.01:.9g} s is due: a message was lost or comes from another publisher"
+    ]
+    assert rig.recorder.samples[POSE.name] == len(rig.written[POSE.name]) == due
+
+
+@pytest.mark.parametrize("size", [0, 3, 11, 12, 40, POSE.codec.size - 1, POSE.codec.size + 4])
+def test_a_message_of_another_size_is_refused(size: int) -> None:
+    rig = Rig()
+    rig.receive[POSE.name](POSE.codec.encode(0, 0.0).ljust(size, b"\0")[:size])
+    (failure,) = rig.recorder.failures
+    assert failure.startswith(f"/platoon/vehicle_0/pose: a message of {size} bytes")
+    assert failure.endswith("0 s is due: a message was lost or comes from another publisher")
+    assert rig.written[POSE.name] == []
+
+
+def test_what_stands_in_the_padding_is_not_recorded() -> None:
+    padded = VehicleTopics("/platoon", 10).twist
+    rig = Rig(padded)
+    clean = padded.codec.encode(0, 1.0)
+    begin, end = padded.codec.padding
+    assert end > begin
+    rig.receive[padded.name](clean[:begin] + b"\xa5" * (end - begin) + clean[end:])
+    assert rig.written[padded.name] == [clean]
+
+
+def test_a_full_disk_is_a_failure_and_no_sample() -> None:
+    def full(_: bytes) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    progress: list[int] = []
+    recorder = SampleRecorder(SCENARIO, [POSE], {POSE.name: full}, FOLDER, progress.append)
+    recorder.receiver(POSE)(POSE.codec.encode(0, 0.0))
+    assert recorder.failures == ["/parts/host_0: cannot be written: No space left on device"]
+    assert recorder.samples[POSE.name] == 0
+    assert progress == []

@@ -1,0 +1,66 @@
+"""What a run says of itself: a log for each process in its folder, and all of it when asked for."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from cacc_platoon.dds.domain import own_domain
+
+PAPER_A = Path(__file__).parents[2] / "config" / "paper_a.yaml"
+SMALL = ("run.duration=1", "platoon.followers=3", "run.hosts=2")
+
+pytestmark = pytest.mark.usefixtures("nothing_left")
+
+
+def run(folder: Path, *flags: str, settings: tuple[str, ...] = SMALL) -> str:
+    """Run the command and return what it said on standard error."""
+    command = [sys.executable, "-m", "cacc_platoon", "run", str(PAPER_A), "-o", str(folder)]
+    command += [*flags, "--no-report", *(f"--set={setting}" for setting in settings)]
+    with own_domain() as domain:
+        environment = {**os.environ, "ROS_DOMAIN_ID": str(domain)}
+        done = subprocess.run(
+            command, env=environment, capture_output=True, text=True, timeout=60, check=False
+        )
+    return done.stderr
+
+
+def test_every_process_has_a_log_in_the_run_folder(tmp_path: Path) -> None:
+    errors = run(tmp_path / "run")
+    logs = tmp_path / "run" / "logs"
+    assert {file.name for file in logs.iterdir()} == {
+        "supervisor.log",
+        "host_0.log",
+        "host_1.log",
+    }
+    supervisor = (logs / "supervisor.log").read_text()
+    for said in ("looking around", "starting nodes", "connecting nodes", "running", "finished"):
+        assert f" supervisor: {said}" in supervisor or f": {said}\n" in supervisor
+    for said in ("host 0: up", "host 1: matched", "host 0: closed"):
+        assert said in supervisor
+    for name in ("host_0", "host_1"):
+        text = (logs / f"{name}.log").read_text()
+        assert f" {name}: " in text
+        for said in ("matching", "matched", "running", "finished", "closed"):
+            assert f": {said}\n" in text
+        assert len(text.splitlines()) < 12, "nothing is logged for every sample"
+        assert text not in errors
+
+
+def test_all_of_it_is_shown_when_asked_for(tmp_path: Path) -> None:
+    errors = run(tmp_path / "run", "-v")
+    for who in ("supervisor", "host_0", "host_1"):
+        log = (tmp_path / "run" / "logs" / f"{who}.log").read_text()
+        assert set(log.splitlines()) <= set(errors.splitlines())
+
+
+def test_a_failure_is_in_the_log_too(tmp_path: Path) -> None:
+    settings = (*SMALL, "run.manual_nodes=[vehicle_2/vehicle]", "run.start_timeout=2")
+    errors = run(tmp_path / "run", settings=settings)
+    (message,) = re.findall(r"^platoon: (failed: after 2 s these .*)$", errors, re.M)
+    assert "vehicle_2/vehicle" in message
+    log = (tmp_path / "run" / "logs" / "supervisor.log").read_text()
+    assert f": {message}\n" in log
