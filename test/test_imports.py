@@ -22,7 +22,7 @@ class Room(NamedTuple):
 
 MODEL = {"errors", "model"}
 SCENARIO = MODEL | {"scenario"}
-RUNS = SCENARIO | {"simulation", "msg_adapters", "bags", "runs"}
+RUNS = SCENARIO | {"stepping", "simulation", "msg_adapters", "bags", "runs"}
 JUDGED = RUNS | {"theory", "analysis"}
 ROOMS = {
     "errors": Room(set(), set()),

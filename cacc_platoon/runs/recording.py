@@ -60,6 +60,18 @@ def with_deliveries(recording: Recording, graph: Graph) -> dict[str, TopicRows]:
     return records
 
 
+def recorded_samples(recording: Recording, graph: Graph) -> dict[str, int]:
+    """Return up to which sample each topic is complete, by the number of its samples."""
+    samples = {name: len(record.messages) for name, record in recording.items()}
+    for index in graph.counted:
+        vehicle = graph.vehicles[index]
+        counts = _counts(recording, vehicle)
+        if counts is not None and vehicle.received.name in samples:
+            here = samples[vehicle.received.name]
+            samples[vehicle.received.name] = int((counts <= here).sum())
+    return samples
+
+
 def _counts(recording: Recording, vehicle: VehicleTopics) -> Array | None:
     """Return how many messages the relay had published by each sample."""
     record = recording.get(vehicle.complete.name)

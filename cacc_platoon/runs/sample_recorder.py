@@ -1,9 +1,9 @@
 """What a recorder does with each message, without ROS: the next due sample, and how far it is.
 
-In lockstep every topic has every sample, in order and once, so a message is written where its
-stamp is the due one, and refused otherwise. What is due is decided in `receiver` alone: a topic
-that does not have every sample gets a receiver of its own there, and calls `mark` when its channel
-says that it is complete up to a sample.
+In lockstep a topic has every sample, in order and once, so a message is written where its stamp is
+the due one, and refused otherwise. What a follower receives over a channel that may lose or delay
+packets is written as it comes; the relay's counts, which have every sample, say up to which sample
+it is complete.
 """
 
 from __future__ import annotations
@@ -11,12 +11,22 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 from cacc_platoon.scenario import Scenario
+from cacc_platoon.stepping.deliveries import CountedDeliveries
 from msg_adapters.stamped import SECOND
-from msg_adapters.topics import Topic
+from msg_adapters.topics import Graph, Topic
 
 _STAMP = struct.Struct("<4xiI")
+
+
+class _CountedLink(NamedTuple):
+    """A link that may lose or delay packets: what was received, and the counts of its relay."""
+
+    received: str
+    complete: Topic
+    deliveries: CountedDeliveries[None]
 
 
 class SampleRecorder:
@@ -57,9 +67,70 @@ class SampleRecorder:
         self._step_ns, self._last = scenario.step_ns, scenario.samples - 1
         self._stride = max(1, scenario.run.window // 4)
         self._arrived: dict[int, int] = {}
+        self._counted = self._counted_links(scenario)
 
     def receiver(self, topic: Topic) -> Callable[[bytes], None]:
-        """Return the function that takes the messages of a topic, of which it has every sample."""
+        """Return the function that takes the messages of a topic."""
+        link = self._counted.get(topic.name)
+        if link is None:
+            return self._every_sample(topic)
+        if topic == link.complete:
+            return self._count(topic, link)
+        return self._as_it_comes(topic, link)
+
+    def _counted_links(self, scenario: Scenario) -> dict[str, _CountedLink]:
+        """Return the links that count their messages, by the names of both their topics."""
+        links: dict[str, _CountedLink] = {}
+        graph = Graph.of(scenario)
+        for index in graph.counted:
+            vehicle = graph.vehicles[index]
+            if vehicle.received.name in self.samples:
+                link = _CountedLink(vehicle.received.name, vehicle.complete, CountedDeliveries())
+                links[vehicle.received.name] = links[vehicle.complete.name] = link
+        return links
+
+    def _as_it_comes(self, topic: Topic, link: _CountedLink) -> Callable[[bytes], None]:
+        """Return the receiver of what comes over a link that counts."""
+        write, size = self._writers[topic.name], topic.codec.size
+
+        def receive(data: bytes) -> None:
+            if len(data) != size:
+                self._refuse(topic.name, data, self.samples[topic.name])
+                return
+            try:
+                write(topic.codec.zero_padding(data))
+            except OSError as error:
+                self.not_written(error)
+                return
+            link.deliveries.message(None)
+            self._settle(link)
+
+        return receive
+
+    def _count(self, topic: Topic, link: _CountedLink) -> Callable[[bytes], None]:
+        """Return the receiver of the counts of a link."""
+        take, decode = self._every_sample(topic), topic.codec.decode
+
+        def receive(data: bytes) -> None:
+            before = self.samples[topic.name]
+            take(data)
+            if self.samples[topic.name] > before:
+                stamp, count = decode(data)
+                link.deliveries.count(stamp, int(count))
+                self._settle(link)
+
+        return receive
+
+    def _settle(self, link: _CountedLink) -> None:
+        """Take note of the samples up to which everything is here that a link delivered."""
+        for stamp, _ in link.deliveries.settled():
+            k = stamp // self._step_ns
+            self.samples[link.received] = k + 1
+            if k % self._stride == 0 or k == self._last:
+                self.mark(k)
+
+    def _every_sample(self, topic: Topic) -> Callable[[bytes], None]:
+        """Return the receiver of a topic that has every sample."""
         write, name = self._writers[topic.name], topic.name
         unpack, size, step = _STAMP.unpack_from, topic.codec.size, self._step_ns
         samples, last, stride, mark = self.samples, self._last, self._stride, self.mark

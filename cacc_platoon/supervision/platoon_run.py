@@ -19,6 +19,7 @@ from cacc_platoon.nodes.executor import create_executor
 from cacc_platoon.nodes.recorder import RecorderNode
 from cacc_platoon.runs.folder import RunFolder
 from cacc_platoon.runs.parts import read_parts
+from cacc_platoon.runs.recording import recorded_samples
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.supervision.conductor import Conductor, Crew, Observer
 from cacc_platoon.supervision.host import FLUSH_PERIOD
@@ -209,7 +210,7 @@ def _finish(
     assert run.end is not None
     recording = {**folder.recording(), **_parts_elsewhere(folder, run)}
     topics = [topic.name for topic in Graph.of(scenario).recorded]
-    counts = {name: len(record.messages) for name, record in recording.items()}
+    counts = recorded_samples(recording, Graph.of(scenario))
     status, message = conclude(scenario, topics, run.end, counts)
     LOG.info("%s", ": ".join(filter(None, [status, message])))
     info = {"status": status, "message": message, **_measured(conductor, scenario)}
