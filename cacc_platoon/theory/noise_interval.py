@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from cacc_platoon.theory.errors import require, require_rho
+from cacc_platoon.theory.errors import require, require_reception, require_rho
 
 __all__ = [
     "EffectiveInterval",
@@ -58,11 +58,7 @@ def effective_interval(k_a: float, rho: float, *, reception: float = 1.0) -> Eff
     EffectiveInterval(low=0.4, high=0.6)
     """
     require_rho(rho)
-    require(
-        0 <= reception <= 1,
-        f"reception = {reception:g} is not a probability: no share of packets can be outside "
-        "0 to 1. Give the smallest packet reception probability.",
-    )
+    require_reception(reception)
     return EffectiveInterval(reception * (1.0 - 1.0 / rho) * k_a, (1.0 + 1.0 / rho) * k_a)
 
 
