@@ -10,26 +10,18 @@ import numpy as np
 
 from cacc_platoon.analysis.consistency import Consistency
 from cacc_platoon.analysis.noise import LinkNoise
-from cacc_platoon.analysis.reasons import (
-    broken_premises,
-    failing_condition,
-    paper_bound_hint,
-    sampled_too_slowly,
-)
+from cacc_platoon.analysis.premises import broken_premises
 from cacc_platoon.errors import UserError
 from cacc_platoon.scenario import Follower, Scenario
 from cacc_platoon.theory import (
+    Certificate,
+    Failure,
     Link,
+    certify,
     certify_chain,
-    in_paper_region,
-    is_internally_stable,
-    is_robustly_string_stable,
-    is_sampled_string_stable,
+    explain_failure,
     is_string_stable,
-    linf_gain,
-    worst_l2_gain,
 )
-from cacc_platoon.theory.noise_interval import effective_interval
 
 EXACT_TEST = (
     "exact test: C >= 0 and B + 2 tau sqrt(C) >= 0 at both ends of I = [m k_a, M k_a] and tau0, "
@@ -42,6 +34,16 @@ LINF_NAME = (
     "ratio of peaks of a_i, and of delta_i between equal followers"
 )
 
+JUDGED_BY = (
+    "l2_gain",
+    "string_stable",
+    "in_paper_region",
+    "internally_stable",
+    "sampled_string_stable",
+    "linf_gain",
+)
+"""The parts of a certificate that a verdict needs; where one cannot be computed it is undecided."""
+
 _ABSURD = 100.0  # a mean of w that only damaged data can have
 
 
@@ -52,36 +54,70 @@ class FollowerVerdict(NamedTuple):
     ----------
     follower : int
         Index.
-    string_stable, in_paper_region, internally_stable, sampled : bool
-        Exact test, paper's test, Routh, and the exact test of the sampled loop at period T; all
-        worst over I and tau in (0, tau0].
-    l2_gain, peak_frequency : float
-        sup |H| over them and where [rad/s].
-    linf_gain : float
-        Largest L1 norm of the impulse response at tau0 and both ends of I.
+    certificate : Certificate or None
+        What they guarantee, the sampled loop at the scenario's period; None when it could not be
+        computed, and then nothing is certified.
+    failure : Failure or None
+        Why the exact test fails, None when it passes or is undecided.
+    undecided : str
+        Why there is no certificate, else empty.
     realised_k : float
         k_a times the mean w of this run's link; NaN when w could not be told.
     realised_stable : bool or None
         The exact test for that k and the follower's own tau; None when w could not be told.
-    reason : str
-        Which condition fails, empty when none does.
-    decided : bool
-        Whether the numbers above could be computed; when not, nothing is certified and `reason`
-        says why.
     """
 
     follower: int
-    string_stable: bool
-    in_paper_region: bool
-    internally_stable: bool
-    sampled: bool
-    l2_gain: float
-    peak_frequency: float
-    linf_gain: float
-    realised_k: float
-    realised_stable: bool | None
-    reason: str
-    decided: bool = True
+    certificate: Certificate | None
+    failure: Failure | None = None
+    undecided: str = ""
+    realised_k: float = math.nan
+    realised_stable: bool | None = None
+
+    @property
+    def decided(self) -> bool:
+        """Whether there is a certificate."""
+        return self.certificate is not None
+
+    @property
+    def reason(self) -> str:
+        """Which condition fails, or why none could be tested; empty when none fails."""
+        return self.failure.condition if self.failure else self.undecided
+
+    @property
+    def string_stable(self) -> bool:
+        """The exact test, worst over I and tau in (0, tau0]."""
+        return self.certificate is not None and self.certificate.string_stable
+
+    @property
+    def in_paper_region(self) -> bool:
+        """The paper's sufficient test."""
+        return self.certificate is not None and self.certificate.in_paper_region
+
+    @property
+    def internally_stable(self) -> bool:
+        """Routh's test at tau0."""
+        return self.certificate is not None and self.certificate.internally_stable
+
+    @property
+    def sampled(self) -> bool:
+        """The exact test of the loop sampled at the scenario's period."""
+        return self.certificate is not None and self.certificate.sampled_string_stable
+
+    @property
+    def l2_gain(self) -> float:
+        """Worst sup |H|, NaN when undecided."""
+        return math.nan if self.certificate is None else self.certificate.l2_gain
+
+    @property
+    def peak_frequency(self) -> float:
+        """Where sup |H| is [rad/s], NaN when undecided."""
+        return math.nan if self.certificate is None else self.certificate.peak_frequency
+
+    @property
+    def linf_gain(self) -> float:
+        """Largest L-infinity gain of the hop, NaN when undecided."""
+        return math.nan if self.certificate is None else self.certificate.linf_gain
 
 
 @dataclass(frozen=True)
@@ -176,7 +212,6 @@ def judge(
             seen[key] = _judge_follower(follower, scenario.run.step)
         verdicts.append(_realised(seen[key], follower, mean))
     stable = all(verdict.string_stable for verdict in verdicts)
-    lost = [one.follower for one in verdicts if one.string_stable and not one.sampled]
     equal = len(seen) == 1 and len({(f.tau, f.v2v) for f in scenario.followers}) == 1
     law = (
         "delta_i = H delta_{i-1} for i >= 2, equal followers"
@@ -188,7 +223,7 @@ def judge(
         all(verdict.in_paper_region for verdict in verdicts),
         f"{EXACT_TEST}; {law}; {L2_NAME}",
         equal,
-        (*sampled_too_slowly(scenario, lost), *broken_premises(noise or [], consistency)),
+        (*_sampled_too_slowly(verdicts), *broken_premises(noise or [], consistency)),
         tuple(verdicts),
         max(verdicts, key=lambda one: (not one.string_stable, one.decided, one.l2_gain)),
         _end_to_end(scenario, verdicts),
@@ -204,29 +239,30 @@ def _judge_follower(follower: Follower, step: float) -> FollowerVerdict:
         why = str(error)
     except (ArithmeticError, ValueError) as error:
         why = f"the equations overflow ({error}). Choose gains nearer to 1/tau and 1/tau^2."
-    unknown = (math.nan, math.nan, math.nan, math.nan)
-    return FollowerVerdict(
-        follower.index, False, False, False, False, *unknown, None, why, decided=False
-    )
+    return FollowerVerdict(follower.index, None, undecided=why)
 
 
 def _decide(follower: Follower, step: float) -> FollowerVerdict:
-    gains, rho, tau_max = follower.gains, follower.v2v.rho, follower.tau_max
-    worst = worst_l2_gain(gains, rho, tau_max)
-    ends = effective_interval(gains.k_a, rho)
-    return FollowerVerdict(
-        follower.index,
-        is_robustly_string_stable(gains, rho, tau_max),
-        in_paper_region(gains, rho, tau_max),
-        is_internally_stable(gains, tau_max),
-        is_sampled_string_stable(gains, rho, tau_max, step),
-        worst.gain,
-        worst.peak_omega,
-        max(linf_gain(gains, tau_max, k) for k in ends),
-        math.nan,
-        None,
-        failing_condition(follower),
-    )
+    certificate = certify(follower.gains, follower.v2v.rho, follower.tau_max, period=step)
+    for part in JUDGED_BY:  # what cannot be computed shows here, not when the verdict is read
+        getattr(certificate, part)
+    return FollowerVerdict(follower.index, certificate, explain_failure(certificate))
+
+
+def _sampled_too_slowly(verdicts: list[FollowerVerdict]) -> list[str]:
+    """Say that the continuous loops of some followers pass the test and the sampled ones fail."""
+    lost = [
+        (one.follower, one.certificate)
+        for one in verdicts
+        if one.certificate is not None and one.string_stable and not one.sampled
+    ]
+    if not lost:
+        return []
+    first, certificate = lost[0]
+    return [
+        f"the loop of vehicle {first}, sampled every {certificate.period:g} s, is not string "
+        f"stable; it is below {certificate.critical_period:.4g} s ({len(lost)} vehicles in all)"
+    ]
 
 
 def _realised(verdict: FollowerVerdict, follower: Follower, mean: float) -> FollowerVerdict:
@@ -267,12 +303,10 @@ def warn_if_not_string_stable(scenario: Scenario) -> str | None:
         return f"{scenario.name}: {verdict.void[0]}. Lower run.step." if verdict.void else None
     if verdict.undecided:
         return f"the gains cannot be certified: {verdict.weakest.reason}"
-    failing = [one.follower for one in verdict.followers if one.decided and not one.string_stable]
-    followers = scenario.followers
-    place = scenario.indices.index(failing[0])
-    bound = paper_bound_hint(followers[place])
-    who = "" if len(failing) == len(followers) else f" (vehicle {failing[0]})"
+    failing = [one for one in verdict.followers if one.failure]
+    first = failing[0]
+    who = "" if len(failing) == len(verdict.followers) else f" (vehicle {first.follower})"
     return (
-        f"{scenario.name} is not string stable{who}: {verdict.followers[place].reason}; "
-        f"disturbances may grow along the platoon, sup|H| = {verdict.weakest.l2_gain:.6g}.{bound}"
+        f"{scenario.name} is not string stable{who}, sup|H| = {verdict.weakest.l2_gain:.6g}: "
+        f"{first.failure}"
     )

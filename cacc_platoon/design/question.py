@@ -10,8 +10,8 @@ from typing import Any
 from cacc_platoon.design.recommend import recommend
 from cacc_platoon.design.requirements import Design, Recommendation, Requirements
 from cacc_platoon.model.control import Gains
-from cacc_platoon.theory.certificate import NoiseStatistics, certify
-from cacc_platoon.theory.explanation import nominal_verdict, verdict
+from cacc_platoon.theory.certificate import Certificate, NoiseStatistics, certify
+from cacc_platoon.theory.explanation import explain_verdict
 from cacc_platoon.theory.noise_interval import effective_interval, k_a_max, snr_db_from_rho
 from cacc_platoon.theory.packet_loss import (
     fallback_headway,
@@ -154,18 +154,14 @@ def answer(question: Question) -> tuple[dict[str, Any], Recommendation | None]:
             k_effective=question.k_effective,
         )
         data["gains"] = gains._asdict()
-        data["certificate"] = dataclasses.asdict(certificate)
-        data["verdict"] = (
-            verdict(gains, question.rho, question.tau_max)
-            if question.k_effective is None
-            else nominal_verdict(gains, question.tau_max, question.k_effective)
-        )
+        data["certificate"] = _certificate_values(certificate)
+        data["verdict"] = explain_verdict(certificate)
     if question.predecessors != 1 or question.reception != 1.0:
         data["extensions"] = _extensions(question)
     found = recommend(question.rho, question.tau_max, ask) if question.recommend else None
     if found is not None:
-        data["recommended"] = [_plain(design, question) for design in found.designs]
-        data["front"] = [_plain(design, question) for design in found.front]
+        data["recommended"] = [_design_values(design, question) for design in found.designs]
+        data["front"] = [_design_values(design, question) for design in found.front]
     return _finite(data), found
 
 
@@ -222,11 +218,41 @@ def _extensions(question: Question) -> dict[str, Any]:
     return data
 
 
-def _plain(design: Design, question: Question) -> dict[str, Any]:
-    data = dataclasses.asdict(design)
-    data["gains"] = multi_predecessor_gains(design.gains, question.predecessors)._asdict()
-    data["unmet"] = list(design.unmet)
-    return data
+def _certificate_values(certificate: Certificate) -> dict[str, Any]:
+    return {
+        "internally_stable": certificate.internally_stable,
+        "in_paper_region": certificate.in_paper_region,
+        "string_stable": certificate.string_stable,
+        "l2_gain": certificate.l2_gain,
+        "peak_frequency": certificate.peak_frequency,
+        "linf_gain": certificate.linf_gain,
+        "sampled": {
+            "period": certificate.period,
+            "string_stable": certificate.sampled_string_stable,
+            "critical_period": certificate.critical_period,
+            "critical_period_stale_accel": certificate.critical_period_stale_accel,
+        },
+        "latency_margin": certificate.latency_margin,
+        "mean_square_index": certificate.mean_square_index,
+        "slowest_time_constant": certificate.slowest_time_constant,
+        "leader_error_norm": certificate.leader_error_norm,
+        "gain_range": certificate.gain_range,
+    }
+
+
+def _design_values(design: Design, question: Question) -> dict[str, Any]:
+    certificate = design.certificate
+    return {
+        "name": design.name,
+        "gains": multi_predecessor_gains(design.gains, question.predecessors)._asdict(),
+        "string_stable": certificate.string_stable,
+        "latency_margin": certificate.latency_margin,
+        "critical_period": certificate.critical_period_stale_accel,
+        "linf_gain": certificate.linf_gain,
+        "slowest_time_constant": certificate.slowest_time_constant,
+        "reason": design.reason,
+        "unmet": list(design.unmet),
+    }
 
 
 def _finite(value: Any) -> Any:

@@ -14,7 +14,6 @@ import numpy as np
 
 from cacc_platoon.design.candidates import Candidates, Estimates, sample_region
 from cacc_platoon.design.pareto import pareto_front, ranks, spread_out
-from cacc_platoon.design.request import check_request
 from cacc_platoon.design.requirements import (
     Design,
     Recommendation,
@@ -74,7 +73,7 @@ def recommend(
     ((), True)
     """
     ask = requirements or Requirements()
-    check_request(rho, tau_max, ask)
+    ask.check(rho, tau_max)
     longest = ask.max_headway or ask.time_headway or _LONGEST * tau_max
     ask = replace(ask, max_headway=longest)
     estimates = Estimates(rho, tau_max)
@@ -210,8 +209,11 @@ def _named(
     costs = ranks(np.array([design.costs for design in front]))
     shortest = front[int(np.argmin(costs[:, 0]))]
     tolerance = [
-        min(design.latency_margin / ask.latency_margin, design.critical_period / ask.period)
-        for design in front
+        min(
+            one.certificate.latency_margin / ask.latency_margin,
+            one.certificate.critical_period_stale_accel / ask.period,
+        )
+        for one in front
     ]
     robust = front[int(np.argmax(tolerance))]
     balanced = front[int(np.argmin(np.max(costs, axis=1)))]

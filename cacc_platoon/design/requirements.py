@@ -1,19 +1,18 @@
-"""Designs with the quantities that a choice trades, and the requirements they must meet."""
+"""What a design must meet, and designs with their certificate and what they miss."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+import math
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from cacc_platoon.model.control import Gains
-from cacc_platoon.theory.errors import DesignError
-from cacc_platoon.theory.exact import is_robustly_string_stable, linf_gain
-from cacc_platoon.theory.latency import latency_margin
-from cacc_platoon.theory.noise_interval import effective_interval
-from cacc_platoon.theory.sampled import critical_period
+from cacc_platoon.theory.certificate import Certificate, certify
+from cacc_platoon.theory.errors import DesignError, require, require_positive, require_rho
+from cacc_platoon.theory.noise_interval import checked_interval
+from cacc_platoon.theory.region import infimum_headway, minimum_headway
 from cacc_platoon.theory.theorem2 import optimum, paper_region
-from cacc_platoon.theory.transfer import slowest_time_constant
 
 __all__ = ["Design", "Recommendation", "Requirements", "assess", "paper_design"]
 
@@ -52,25 +51,96 @@ class Requirements:
         """Latency margin [s] that the requirements amount to."""
         return self.latency + self.period
 
+    def unmet(self, certificate: Certificate) -> tuple[str, ...]:
+        """Say which requirements a certified design misses.
+
+        Examples
+        --------
+        >>> from cacc_platoon.model.control import Gains
+        >>> from cacc_platoon.theory import certify
+        >>> Requirements(latency=0.1).unmet(certify(Gains(0.95, 0.5, 0.63, 0.009), 5.0, 0.5))
+        ('latency margin 0.08175 s is below 0.11 s = latency + period',)
+        """
+        missed = [] if certificate.string_stable else ["not robustly string stable"]
+        if certificate.latency_margin < self.latency_margin:
+            missed.append(
+                f"latency margin {certificate.latency_margin:.4g} s is below "
+                f"{self.latency_margin:.4g} s = latency + period"
+            )
+        critical = certificate.critical_period_stale_accel
+        if critical <= self.period:
+            missed.append(f"critical period {critical:.4g} s is not above {self.period:.4g} s")
+        for value, limit, text, unit in (
+            (certificate.gains.time_headway, self.max_headway, "headway", " s"),
+            (certificate.linf_gain, self.max_linf, "L-infinity gain", ""),
+            (
+                certificate.slowest_time_constant,
+                self.max_time_constant,
+                "slowest time constant",
+                " s",
+            ),
+        ):
+            if limit is not None and value > limit:
+                missed.append(f"{text} {value:.6g}{unit} is above {limit:.6g}{unit}")
+        return tuple(missed)
+
+    def check(self, rho: float, tau_max: float) -> None:
+        """Refuse what no design can meet, before one is searched for.
+
+        Raises
+        ------
+        DesignError
+            If a value is out of its range, or a headway below what any gains allow.
+        """
+        require_rho(rho)
+        require(
+            math.isfinite(rho),
+            "rho = inf leaves the front unbounded. Give a finite SNR, however large.",
+        )
+        require_positive("tau_max", tau_max, "s")
+        require_positive("period", self.period, "s")
+        require(
+            0 <= self.latency < math.inf,
+            f"latency = {self.latency:g} s is not a finite, nonnegative time: no margin can cover "
+            "it. Give the largest V2V latency in seconds.",
+        )
+        for name in ("max_headway", "max_linf", "max_time_constant", "time_headway"):
+            value = getattr(self, name)
+            if value is not None:
+                require_positive(name, value, "" if name == "max_linf" else "s")
+        require(
+            self.max_linf is None or self.max_linf >= 1,
+            f"max_linf = {self.max_linf} is below 1: H(0) = 1, so no design has a smaller gain. "
+            "Give max_linf >= 1.",
+        )
+        self._check_headway(rho, tau_max)
+
+    def _check_headway(self, rho: float, tau_max: float) -> None:
+        if self.k_a is not None:
+            checked_interval(self.k_a, rho)
+            limit, rule = minimum_headway(self.k_a, rho, tau_max), "2 tau_0/(1 + (1 - 1/rho) k_a)"
+        else:
+            limit, rule = infimum_headway(rho, tau_max), "tau_0 (1 + 1/rho)"
+        for name in ("max_headway", "time_headway"):
+            value = getattr(self, name)
+            require(
+                value is None or value > limit,
+                f"{name} = {value} s is not above {limit:.6g} s = {rule}: spacing errors grow "
+                f"along the platoon for every choice of gains. Raise {name}, lower tau_max or "
+                "raise rho.",
+            )
+
 
 @dataclass(frozen=True)
 class Design:
-    """A design with the five quantities that the Pareto set trades.
+    """A design with its certificate, of which the Pareto set trades five quantities.
 
     Attributes
     ----------
     name : str
         Name among the recommended designs, empty on the front.
-    gains : Gains
-        The design.
-    string_stable : bool
-        Exact robust test.
-    latency_margin, critical_period : float
-        Worst case [s]; the period with an acceleration one period old.
-    linf_gain : float
-        Largest at `tau_max` over both ends of I.
-    slowest_time_constant : float
-        At `tau_max` [s].
+    certificate : Certificate
+        The gains and all they guarantee.
     reason : str
         Why it is recommended.
     unmet : tuple of str
@@ -78,24 +148,24 @@ class Design:
     """
 
     name: str
-    gains: Gains
-    string_stable: bool
-    latency_margin: float
-    critical_period: float
-    linf_gain: float
-    slowest_time_constant: float
+    certificate: Certificate
     reason: str = ""
     unmet: tuple[str, ...] = ()
+
+    @property
+    def gains(self) -> Gains:
+        """The controller."""
+        return self.certificate.gains
 
     @property
     def costs(self) -> tuple[float, float, float, float, float]:
         """Headway, -latency margin, -critical period, L-infinity gain, slowest mode."""
         return (
             self.gains.time_headway,
-            -self.latency_margin,
-            -self.critical_period,
-            self.linf_gain,
-            self.slowest_time_constant,
+            -self.certificate.latency_margin,
+            -self.certificate.critical_period_stale_accel,
+            self.certificate.linf_gain,
+            self.certificate.slowest_time_constant,
         )
 
 
@@ -141,49 +211,16 @@ def assess(
     name: str = "",
     reason: str = "",
 ) -> Design:
-    """Certify what the Pareto set trades, and say which requirements are missed.
+    """Certify a design at the period asked for, and say which requirements it misses.
 
     Examples
     --------
-    >>> design = assess(Gains(0.95, 0.5, 0.63, 0.009), 5.0, 0.5, Requirements(latency=0.1))
-    >>> design.unmet
-    ('latency margin 0.08175 s is below 0.11 s = latency + period',)
+    >>> assess(Gains(0.95, 0.5, 0.63, 0.009), 5.0, 0.5, Requirements(max_headway=0.9)).unmet
+    ('headway 0.95 s is above 0.9 s',)
     """
     ask = requirements or Requirements()
-    linf = max(linf_gain(gains, tau_max, k) for k in effective_interval(gains.k_a, rho))
-    design = Design(
-        name,
-        gains,
-        is_robustly_string_stable(gains, rho, tau_max),
-        latency_margin(gains, rho, tau_max),
-        critical_period(gains, rho, tau_max, stale=True),
-        linf,
-        slowest_time_constant(gains, tau_max),
-        reason,
-    )
-    return replace(design, unmet=tuple(_unmet(design, ask)))
-
-
-def _unmet(design: Design, ask: Requirements) -> list[str]:
-    missed = [] if design.string_stable else ["not robustly string stable"]
-    headway = design.gains.time_headway
-    if design.latency_margin < ask.latency_margin:
-        missed.append(
-            f"latency margin {design.latency_margin:.4g} s is below {ask.latency_margin:.4g} s "
-            "= latency + period"
-        )
-    if design.critical_period <= ask.period:
-        missed.append(
-            f"critical period {design.critical_period:.4g} s is not above {ask.period:.4g} s"
-        )
-    for value, limit, text, unit in (
-        (headway, ask.max_headway, "headway", " s"),
-        (design.linf_gain, ask.max_linf, "L-infinity gain", ""),
-        (design.slowest_time_constant, ask.max_time_constant, "slowest time constant", " s"),
-    ):
-        if limit is not None and value > limit:
-            missed.append(f"{text} {value:.6g}{unit} is above {limit:.6g}{unit}")
-    return missed
+    certificate = certify(gains, rho, tau_max, period=ask.period)
+    return Design(name, certificate, reason, ask.unmet(certificate))
 
 
 def paper_design(rho: float, tau_max: float) -> Gains:

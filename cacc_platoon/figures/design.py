@@ -198,9 +198,10 @@ def plot_pareto_front(
     Returns the mappable for a colour bar.
     """
     x = np.array([design.gains.time_headway for design in front])
-    y = np.array([design.latency_margin for design in front])
-    color = np.array([design.linf_gain for design in front])
-    size = 20.0 + 160.0 / (1.0 + np.array([d.slowest_time_constant for d in front]) / 10.0)
+    y = np.array([design.certificate.latency_margin for design in front])
+    color = np.array([design.certificate.linf_gain for design in front])
+    slowest = np.array([design.certificate.slowest_time_constant for design in front])
+    size = 20.0 + 160.0 / (1.0 + slowest / 10.0)
     capped = y > latency_cap
     mappable = None
     for marker, mask in (("o", ~capped), ("^", capped)):
@@ -218,7 +219,7 @@ def plot_pareto_front(
                 linewidths=0.5,
             )
     for design in named:
-        point = (design.gains.time_headway, min(design.latency_margin, latency_cap))
+        point = (design.gains.time_headway, min(design.certificate.latency_margin, latency_cap))
         axes.plot(*point, "+", color=VERMILION, ms=12, mew=1.8)
         axes.annotate(design.name, point, xytext=(6, 6), textcoords="offset points")
     axes.set_xlabel(r"time headway $h_w$ [s]")

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from cacc_platoon.analysis.analyse import Report
     from cacc_platoon.analysis.metrics import Metrics
     from cacc_platoon.analysis.noise import LinkNoise
-    from cacc_platoon.analysis.verdict import Verdict
+    from cacc_platoon.analysis.verdict import FollowerVerdict, Verdict
 
 _ROUNDING = 1e-9
 """Below this standard error [m] the spread of noisy runs is rounding."""
@@ -165,5 +165,22 @@ def verdict_document(verdict: Verdict) -> dict[str, Any]:
         "weakest_follower": weakest.follower,
         "reason": weakest.reason,
         "equal_links": verdict.equal_links,
-        "per_follower": [one._asdict() for one in verdict.followers],
+        "per_follower": [_follower(one) for one in verdict.followers],
+    }
+
+
+def _follower(verdict: FollowerVerdict) -> dict[str, Any]:
+    return {
+        "follower": verdict.follower,
+        "string_stable": verdict.string_stable,
+        "in_paper_region": verdict.in_paper_region,
+        "internally_stable": verdict.internally_stable,
+        "sampled": verdict.sampled,
+        "l2_gain": verdict.l2_gain,
+        "peak_frequency": verdict.peak_frequency,
+        "linf_gain": verdict.linf_gain,
+        "realised_k": verdict.realised_k,
+        "realised_stable": verdict.realised_stable,
+        "reason": verdict.reason,
+        "decided": verdict.decided,
     }

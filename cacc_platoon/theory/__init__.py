@@ -3,7 +3,6 @@
 from cacc_platoon.theory.certificate import (
     Certificate,
     NoiseStatistics,
-    SampledCertificate,
     certify,
     worst_l2_gain,
 )
@@ -20,7 +19,13 @@ from cacc_platoon.theory.exact import (
     robust_string_stability_map,
     string_stability_map,
 )
-from cacc_platoon.theory.explanation import explain_bounds, explain_design, nominal_verdict, verdict
+from cacc_platoon.theory.explanation import (
+    Failure,
+    explain_bounds,
+    explain_design,
+    explain_failure,
+    explain_verdict,
+)
 from cacc_platoon.theory.latency import headway_for_latency, latency_margin
 from cacc_platoon.theory.mean_square import (
     largest_variance,
@@ -81,10 +86,8 @@ from cacc_platoon.theory.transfer import (
 )
 from cacc_platoon.theory.unequal_links import (
     ChainCertificate,
-    LagEffect,
     Link,
     certify_chain,
-    effect_of_lag,
 )
 
 __all__ = [
@@ -95,25 +98,25 @@ __all__ = [
     "DesignError",
     "EffectiveInterval",
     "ExactRegion",
+    "Failure",
     "L2Gain",
-    "LagEffect",
     "Link",
     "Margins",
     "MultiPredecessorBounds",
     "NoiseStatistics",
     "Optimum",
     "PaperRegion",
-    "SampledCertificate",
     "certify",
     "certify_chain",
     "conservatism",
     "critical_period",
-    "effect_of_lag",
     "effective_interval",
     "equivalent_gains",
     "exact_region",
     "explain_bounds",
     "explain_design",
+    "explain_failure",
+    "explain_verdict",
     "fallback_headway",
     "frequency_response",
     "gamma",
@@ -139,7 +142,6 @@ __all__ = [
     "minimum_headway",
     "multi_predecessor_bounds",
     "multi_predecessor_gains",
-    "nominal_verdict",
     "optimum",
     "paper_region",
     "poles",
@@ -154,6 +156,5 @@ __all__ = [
     "stable_gain_range",
     "string_stability_map",
     "uniform_error_bound",
-    "verdict",
     "worst_l2_gain",
 ]

@@ -1,22 +1,25 @@
-"""Everything a design guarantees and tolerates, in one record."""
+"""Everything a design guarantees and tolerates: the one record that every judgement reads.
+
+Each part is computed when it is first read and then kept, so that a search that needs four parts
+of a thousand designs, and a report that needs all parts of one, read the same record.
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
-from cacc_platoon.theory.errors import require, require_positive, require_rho
-from cacc_platoon.theory.exact import (
-    L2Gain,
-    is_robustly_string_stable,
-    is_string_stable,
-    l2_gain,
-    linf_gain,
-)
+from cacc_platoon.theory.errors import require, require_positive
+from cacc_platoon.theory.exact import L2Gain, is_string_stable, l2_gain, linf_gain
 from cacc_platoon.theory.latency import latency_margin
 from cacc_platoon.theory.mean_square import leader_error_norm, mean_square_index
-from cacc_platoon.theory.noise_interval import effective_interval
+from cacc_platoon.theory.noise_interval import (
+    EffectiveInterval,
+    effective_gains,
+    effective_interval,
+)
 from cacc_platoon.theory.region import stable_gain_range
 from cacc_platoon.theory.sampled import critical_period, is_sampled_string_stable
 from cacc_platoon.theory.theorem2 import in_paper_region
@@ -25,7 +28,7 @@ from cacc_platoon.theory.transfer import is_internally_stable, slowest_time_cons
 if TYPE_CHECKING:
     from cacc_platoon.model.control import Gains
 
-__all__ = ["Certificate", "NoiseStatistics", "SampledCertificate", "certify", "worst_l2_gain"]
+__all__ = ["Certificate", "NoiseStatistics", "certify", "worst_l2_gain"]
 
 
 @dataclass(frozen=True)
@@ -45,67 +48,14 @@ class NoiseStatistics:
     redraw_period: float = 0.01
 
 
-@dataclass(frozen=True)
-class SampledCertificate:
-    """String stability of the sampled loop.
-
-    Attributes
-    ----------
-    period : float
-        Control period asked for [s].
-    string_stable : bool
-        Whether that period keeps string stability, with a fresh acceleration.
-    critical_period, critical_period_stale_accel : float
-        Period at which it is first lost [s], acceleration fresh or one period old.
-    """
-
-    period: float
-    string_stable: bool
-    critical_period: float
-    critical_period_stale_accel: float
-
-
-@dataclass(frozen=True)
-class Certificate:
-    """What one design guarantees: worst over tau in (0, tau_max] and I unless said otherwise.
-
-    Attributes
-    ----------
-    internally_stable, in_paper_region, string_stable : bool
-        Routh; the paper's sufficient region; the exact test.
-    l2_gain, peak_frequency : float
-        Worst ``sup |H|`` and its frequency [rad/s].
-    linf_gain : float
-        Largest L1 norm of the impulse response at `tau_max` over both ends of I.
-    sampled : SampledCertificate
-        The same at a control period.
-    latency_margin : float
-        Largest V2V latency [s].
-    mean_square_index : float
-        ``c_I`` at `tau_max` and the mean noise; below one is bounded.
-    slowest_time_constant : float
-        Slowest mode at `tau_max` [s].
-    leader_error_norm : float
-        ``||Phi||_2`` at `tau_max`, largest over both ends of I.
-    gain_range : tuple of float or None
-        Effective gains ``k_a E[w]`` that these gains tolerate.
-    """
-
-    internally_stable: bool
-    in_paper_region: bool
-    string_stable: bool
-    l2_gain: float
-    peak_frequency: float
-    linf_gain: float
-    sampled: SampledCertificate
-    latency_margin: float
-    mean_square_index: float
-    slowest_time_constant: float
-    leader_error_norm: float
-    gain_range: tuple[float, float] | None
-
-
-def worst_l2_gain(gains: Gains, rho: float, tau_max: float) -> L2Gain:
+def worst_l2_gain(
+    gains: Gains,
+    rho: float,
+    tau_max: float,
+    *,
+    reception: float = 1.0,
+    k_effective: float | None = None,
+) -> L2Gain:
     """Compute ``sup |H|`` over all frequencies, lags in (0, tau_max] and ``k`` in I.
 
     It is that of `tau_max` at an end of I: ``|N|^2`` is convex in ``k``, and where a smaller lag
@@ -117,8 +67,184 @@ def worst_l2_gain(gains: Gains, rho: float, tau_max: float) -> L2Gain:
     >>> worst_l2_gain(Gains(0.95, 0.5, 0.63, 0.009), 5.0, 0.5)
     L2Gain(gain=1.0, peak_omega=0.0)
     """
-    low, high = effective_interval(gains.k_a, rho)
-    return max(l2_gain(gains, tau_max, low), l2_gain(gains, tau_max, high))
+    ends = effective_gains(gains.k_a, rho, reception=reception, k_effective=k_effective)
+    return max(l2_gain(gains, tau_max, k) for k in ends)
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """What one design guarantees: worst over tau in (0, tau_max] and I unless said otherwise.
+
+    The fields are the question, two equal questions are equal certificates. The parts are its
+    answers; a part that cannot be computed raises `DesignError` when it is read.
+
+    Attributes
+    ----------
+    gains : Gains
+        Controller.
+    rho, tau_max : float
+        Linear signal-to-noise ratio and largest actuation lag ``tau_0`` [s].
+    period : float
+        Control period [s] of the sampled loop.
+    noise : NoiseStatistics
+        For the mean-square index.
+    reception : float
+        Smallest packet reception probability, losses counted as zero.
+    k_effective : float or None
+        The one effective gain at `tau_max` that is asked for instead of the worst case.
+    """
+
+    gains: Gains
+    rho: float
+    tau_max: float
+    period: float = 0.01
+    noise: NoiseStatistics = field(default_factory=NoiseStatistics)
+    reception: float = 1.0
+    k_effective: float | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse a question that has no meaning; a design that fails is an answer."""
+        require_positive("tau_max", self.tau_max, "s")
+        require_positive("period", self.period, "s")
+        require_positive("time_headway", self.gains.time_headway, "s")
+        k = 0.0 if self.k_effective is None else self.k_effective
+        for name, value in {**self.gains._asdict(), "k_effective": k}.items():
+            require(
+                math.isfinite(value) and value >= 0,
+                f"{name} = {value:g} is not a finite, nonnegative number: the control law would "
+                f"push the wrong way. Give {name} >= 0.",
+            )
+        _ = self.interval  # refuses rho and reception
+
+    @cached_property
+    def interval(self) -> EffectiveInterval:
+        """The interval I of ``k = k_a E[w]``, with losses ``p k_a E[w]``."""
+        return effective_interval(self.gains.k_a, self.rho, reception=self.reception)
+
+    @cached_property
+    def effective_gains(self) -> tuple[float, ...]:
+        """The effective gains that decide: both ends of I, or `k_effective`."""
+        return effective_gains(
+            self.gains.k_a, self.rho, reception=self.reception, k_effective=self.k_effective
+        )
+
+    @cached_property
+    def internally_stable(self) -> bool:
+        """Routh's test at `tau_max`."""
+        return is_internally_stable(self.gains, self.tau_max)
+
+    @cached_property
+    def in_paper_region(self) -> bool:
+        """Whether the gains are in the paper's sufficient region S of I."""
+        return in_paper_region(self.gains, self.rho, self.tau_max, reception=self.reception)
+
+    @cached_property
+    def string_stable(self) -> bool:
+        """The exact test."""
+        return all(is_string_stable(self.gains, self.tau_max, k) for k in self.effective_gains)
+
+    @cached_property
+    def _worst_l2_gain(self) -> L2Gain:
+        return worst_l2_gain(
+            self.gains,
+            self.rho,
+            self.tau_max,
+            reception=self.reception,
+            k_effective=self.k_effective,
+        )
+
+    @property
+    def l2_gain(self) -> float:
+        """Worst ``sup |H|``."""
+        return self._worst_l2_gain.gain
+
+    @property
+    def peak_frequency(self) -> float:
+        """Frequency of `l2_gain` [rad/s]."""
+        return self._worst_l2_gain.peak_omega
+
+    @cached_property
+    def linf_gain(self) -> float:
+        """Largest L1 norm of the impulse response at `tau_max` over both ends of I."""
+        return max(linf_gain(self.gains, self.tau_max, k) for k in self.effective_gains)
+
+    @cached_property
+    def sampled_string_stable(self) -> bool:
+        """Whether `period` keeps string stability, with a fresh acceleration."""
+        return is_sampled_string_stable(
+            self.gains,
+            self.rho,
+            self.tau_max,
+            self.period,
+            reception=self.reception,
+            k_effective=self.k_effective,
+        )
+
+    @cached_property
+    def critical_period(self) -> float:
+        """Control period at which string stability is first lost [s], acceleration fresh."""
+        return self._critical_period(stale=False)
+
+    @cached_property
+    def critical_period_stale_accel(self) -> float:
+        """`critical_period` with an acceleration that is one period old [s]."""
+        return self._critical_period(stale=True)
+
+    def _critical_period(self, *, stale: bool) -> float:
+        return critical_period(
+            self.gains,
+            self.rho,
+            self.tau_max,
+            stale=stale,
+            reception=self.reception,
+            k_effective=self.k_effective,
+        )
+
+    @cached_property
+    def latency_margin(self) -> float:
+        """Largest V2V latency [s]."""
+        return latency_margin(
+            self.gains,
+            self.rho,
+            self.tau_max,
+            reception=self.reception,
+            k_effective=self.k_effective,
+        )
+
+    @cached_property
+    def mean_square_index(self) -> float:
+        """``c_I`` at `tau_max` and the mean noise; below one is bounded."""
+        k = self.gains.k_a * self.noise.mean if self.k_effective is None else self.k_effective
+        return mean_square_index(
+            self.gains,
+            self.tau_max,
+            k,
+            variance=self.noise.variance,
+            redraw_period=self.noise.redraw_period,
+        )
+
+    @cached_property
+    def slowest_time_constant(self) -> float:
+        """Slowest mode at `tau_max` [s]."""
+        return slowest_time_constant(self.gains, self.tau_max)
+
+    @cached_property
+    def leader_error_norm(self) -> float:
+        """``||Phi||_2`` at `tau_max`, largest over both ends of I."""
+        return max(leader_error_norm(self.gains, self.tau_max, k) for k in self.effective_gains)
+
+    @cached_property
+    def gain_range(self) -> tuple[float, float] | None:
+        """Effective gains ``k_a E[w]`` that these gains tolerate, None when there are none."""
+        return stable_gain_range(self.gains, self.tau_max)
+
+    def parts(self) -> dict[str, Any]:
+        """Compute every part, and return them by name."""
+        return {
+            name: getattr(self, name)
+            for name, part in vars(type(self)).items()
+            if isinstance(part, cached_property | property) and not name.startswith("_")
+        }
 
 
 def certify(
@@ -128,6 +254,7 @@ def certify(
     *,
     period: float = 0.01,
     noise: NoiseStatistics | None = None,
+    reception: float = 1.0,
     k_effective: float | None = None,
 ) -> Certificate:
     """Certify one design.
@@ -144,13 +271,17 @@ def certify(
         Control period [s].
     noise : NoiseStatistics, optional
         Mean and variance for the mean-square index; no noise by default.
+    reception : float, optional
+        Smallest packet reception probability, losses counted as zero: I reaches down to
+        ``reception (1 - 1/rho) k_a``.
     k_effective : float, optional
         Certify for this effective gain at `tau_max` only, instead of the worst case.
 
     Returns
     -------
     Certificate
-        All guarantees. A design that is not string stable is an answer, not an error.
+        All guarantees, each computed when it is read. A design that is not string stable is an
+        answer, not an error.
 
     Raises
     ------
@@ -164,61 +295,5 @@ def certify(
     >>> certificate.string_stable, round(certificate.latency_margin, 4)
     (True, 0.0818)
     """
-    _check(gains, rho, tau_max, period, k_effective)
     noise = noise or NoiseStatistics(redraw_period=period)
-    if k_effective is None:
-        ends = tuple(effective_interval(gains.k_a, rho))
-        stable = is_robustly_string_stable(gains, rho, tau_max)
-        worst = worst_l2_gain(gains, rho, tau_max)
-        mean_gain = gains.k_a * noise.mean
-    else:
-        ends, mean_gain = (k_effective,), k_effective
-        stable = is_string_stable(gains, tau_max, k_effective)
-        worst = l2_gain(gains, tau_max, k_effective)
-    return Certificate(
-        internally_stable=is_internally_stable(gains, tau_max),
-        in_paper_region=in_paper_region(gains, rho, tau_max),
-        string_stable=stable,
-        l2_gain=worst.gain,
-        peak_frequency=worst.peak_omega,
-        linf_gain=max(linf_gain(gains, tau_max, k) for k in ends),
-        sampled=_certify_sampled(gains, rho, tau_max, period, k_effective),
-        latency_margin=latency_margin(gains, rho, tau_max, k_effective=k_effective),
-        mean_square_index=mean_square_index(
-            gains,
-            tau_max,
-            mean_gain,
-            variance=noise.variance,
-            redraw_period=noise.redraw_period,
-        ),
-        slowest_time_constant=slowest_time_constant(gains, tau_max),
-        leader_error_norm=max(leader_error_norm(gains, tau_max, k) for k in ends),
-        gain_range=stable_gain_range(gains, tau_max),
-    )
-
-
-def _certify_sampled(
-    gains: Gains, rho: float, tau_max: float, period: float, k_effective: float | None
-) -> SampledCertificate:
-    fresh, stale = (
-        critical_period(gains, rho, tau_max, stale=stale, k_effective=k_effective)
-        for stale in (False, True)
-    )
-    stable = is_sampled_string_stable(gains, rho, tau_max, period, k_effective=k_effective)
-    return SampledCertificate(period, stable, fresh, stale)
-
-
-def _check(
-    gains: Gains, rho: float, tau_max: float, period: float, k_effective: float | None
-) -> None:
-    require_rho(rho)
-    require_positive("tau_max", tau_max, "s")
-    require_positive("period", period, "s")
-    require_positive("time_headway", gains.time_headway, "s")
-    numbers = {**gains._asdict(), "k_effective": 0.0 if k_effective is None else k_effective}
-    for name, value in numbers.items():
-        require(
-            math.isfinite(value) and value >= 0,
-            f"{name} = {value:g} is not a finite, nonnegative number: the control law would push "
-            f"the wrong way. Give {name} >= 0.",
-        )
+    return Certificate(gains, rho, tau_max, period, noise, reception, k_effective)

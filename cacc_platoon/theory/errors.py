@@ -6,7 +6,7 @@ import math
 
 from cacc_platoon.errors import UserError
 
-__all__ = ["DesignError", "require", "require_positive", "require_rho"]
+__all__ = ["DesignError", "require", "require_positive", "require_reception", "require_rho"]
 
 
 class DesignError(UserError, ValueError):
@@ -55,3 +55,18 @@ def require_rho(rho: float) -> None:
         "acceleration, and no headway is guaranteed. Give a linear SNR above 1, or one in dB "
         "with rho = 10^(SNR/20).",
     )
+
+
+def require_reception(reception: float) -> None:
+    """Refuse a packet reception that is not a probability.
+
+    Raises
+    ------
+    DesignError
+        If `reception` is NaN or outside 0 to 1.
+    """
+    if not 0 <= reception <= 1:  # the text is costly where a search asks often
+        raise DesignError(
+            f"reception = {reception:g} is not a probability: no share of packets can be outside "
+            "0 to 1. Give the smallest packet reception probability."
+        )

@@ -139,7 +139,9 @@ def is_string_stable(gains: Gains, tau: float, k_effective: float) -> bool:
     return bool(c >= -TOLERANCE * c_size and B + reach >= -TOLERANCE * B_size)
 
 
-def is_robustly_string_stable(gains: Gains, rho: float, tau_max: float) -> bool:
+def is_robustly_string_stable(
+    gains: Gains, rho: float, tau_max: float, *, reception: float = 1.0
+) -> bool:
     """Test string stability for all lags in ``(0, tau_max]`` and all ``k`` in ``[m k_a, M k_a]``.
 
     Checking `tau_max` and the two ends of the interval is enough: the margin is linear in tau
@@ -153,6 +155,8 @@ def is_robustly_string_stable(gains: Gains, rho: float, tau_max: float) -> bool:
         Linear signal-to-noise ratio, > 1; infinity means no noise.
     tau_max : float
         Largest actuation lag ``tau_0`` [s].
+    reception : float, optional
+        Smallest packet reception probability, losses counted as zero.
 
     Returns
     -------
@@ -162,7 +166,7 @@ def is_robustly_string_stable(gains: Gains, rho: float, tau_max: float) -> bool:
     Raises
     ------
     DesignError
-        If `rho` is not above one.
+        If `rho` is not above one or `reception` is not a probability.
 
     Examples
     --------
@@ -170,7 +174,7 @@ def is_robustly_string_stable(gains: Gains, rho: float, tau_max: float) -> bool:
     >>> is_robustly_string_stable(Gains(0.95, 0.5, 0.63, 0.009), rho=5, tau_max=0.5)
     True
     """
-    low, high = effective_interval(gains.k_a, rho)
+    low, high = effective_interval(gains.k_a, rho, reception=reception)
     return is_string_stable(gains, tau_max, high) and is_string_stable(gains, tau_max, low)
 
 

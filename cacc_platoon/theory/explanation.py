@@ -1,13 +1,13 @@
-"""The formulas with their numbers in them, and what a verdict means and asks for."""
+"""Why a design holds or fails: by value, rule, consequence and remedy, and by its formulas."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from cacc_platoon.theory.exact import is_string_stable, l2_gain, propagation_margins
+from cacc_platoon.theory.exact import is_string_stable, propagation_margins
 from cacc_platoon.theory.noise_interval import effective_interval, k_a_max, snr_db_from_rho
 from cacc_platoon.theory.region import exact_region, infimum_headway, minimum_headway
 from cacc_platoon.theory.theorem2 import headway_bound, in_paper_region, optimum, paper_region
@@ -15,8 +15,9 @@ from cacc_platoon.theory.transfer import gamma, is_internally_stable
 
 if TYPE_CHECKING:
     from cacc_platoon.model.control import Gains
+    from cacc_platoon.theory.certificate import Certificate
 
-__all__ = ["explain_bounds", "explain_design", "nominal_verdict", "verdict"]
+__all__ = ["Failure", "explain_bounds", "explain_design", "explain_failure", "explain_verdict"]
 
 
 def explain_bounds(rho: float, tau_max: float, k_a: float) -> list[str]:
@@ -88,84 +89,152 @@ def explain_design(gains: Gains, rho: float, tau_max: float) -> list[str]:
     return lines
 
 
-def verdict(gains: Gains, rho: float, tau_max: float) -> str:
-    """Say in one line whether a design is robustly string stable; if not, why and what to change.
+class Failure(NamedTuple):
+    """Why a design is not string stable.
 
-    Examples
-    --------
-    >>> from cacc_platoon.model.control import Gains
-    >>> print(verdict(Gains(0.65, 0.5, 0.63, 0.009), 5.0, 0.5).split(":")[0])
-    time_headway = 0.65 s is below 0.714286 s = 2 tau_0/(1 + (1 - 1/rho) k_a)
+    Attributes
+    ----------
+    condition : str
+        The value and the rule it breaks.
+    consequence : str
+        What then happens to the platoon.
+    remedy : str
+        What to change.
     """
-    h, k_a, _, _ = gains
-    cap = k_a_max(rho)
-    if not k_a < cap:
-        return (
-            f"k_a = {k_a:g} is not below {cap:.6g} = 1/(1 + 1/rho): the noise may raise k_a E[w] "
-            f"to 1, and spacing errors grow along the platoon. Lower k_a below {cap:.6g}."
-        )
-    shortest = minimum_headway(k_a, rho, tau_max)
-    if h < shortest * (1.0 - 1e-12):
-        return (
-            f"time_headway = {h:g} s is below {shortest:.6g} s = 2 tau_0/(1 + (1 - 1/rho) k_a): "
-            "spacing errors grow along the platoon whatever k_v and k_p are. Raise time_headway "
-            "or lower tau_max."
-        )
-    if all(is_string_stable(gains, tau_max, k) for k in effective_interval(k_a, rho)):
-        basis = "in the paper's region S" if in_paper_region(gains, rho, tau_max) else "exact test"
-        return (
-            f"robustly string stable ({basis}): sup|H| = 1 for every lag up to {tau_max:g} s and "
-            f"all noise of rho >= {rho:g}; error energy does not grow along the platoon."
-        )
-    return _gain_verdict(gains, rho, tau_max)
+
+    condition: str
+    consequence: str
+    remedy: str
+
+    def __str__(self) -> str:
+        """All of it in one line."""
+        return f"{self.condition}: {self.consequence}. {self.remedy}."
 
 
-def nominal_verdict(gains: Gains, tau: float, k_effective: float) -> str:
-    """Say in one line whether a design is string stable for one lag and one effective gain.
+def explain_verdict(certificate: Certificate) -> str:
+    """Say in one line whether a design is string stable; if not, why and what to change.
 
     Examples
     --------
     >>> from cacc_platoon.model.control import Gains
-    >>> print(nominal_verdict(Gains(0.95, 0.5, 0.63, 0.009), 0.5, 0.524))
+    >>> from cacc_platoon.theory.certificate import certify
+    >>> print(explain_verdict(certify(Gains(0.95, 0.5, 0.63, 0.009), 5.0, 0.5, k_effective=0.524)))
     string stable at tau = 0.5 s and k_a E[w] = 0.524 alone: sup|H| = 1
     """
-    where = f"at tau = {tau:g} s and k_a E[w] = {k_effective:.6g} alone"
-    gain, omega = l2_gain(gains, tau, k_effective)
-    if is_string_stable(gains, tau, k_effective):
-        return f"string stable {where}: sup|H| = 1"
-    if math.isinf(gain):
-        return (
-            f"not internally stable {where}: gamma = {gamma(gains):.6g} is not above tau k_p = "
-            f"{tau * gains.k_p:.6g} > 0, errors grow in every vehicle. Raise k_v or lower k_p."
-        )
+    failure = explain_failure(certificate)
+    if failure is not None:
+        return str(failure)
+    if certificate.k_effective is not None:
+        return f"string stable {_where(certificate)}: sup|H| = 1"
+    basis = "in the paper's region S" if certificate.in_paper_region else "exact test"
     return (
-        f"sup|H| = {gain:.9g} {where} is above 1: errors near {omega:.6g} rad/s grow at every "
-        "hop. Raise time_headway, or take k_v and k_p from the exact region."
+        f"robustly string stable ({basis}): sup|H| = 1 for every lag up to "
+        f"{certificate.tau_max:g} s and all noise of rho >= {certificate.rho:g}"
+        f"{_losses(certificate)}; error energy does not grow along the platoon."
     )
 
 
-def _gain_verdict(gains: Gains, rho: float, tau_max: float) -> str:
+def explain_failure(certificate: Certificate) -> Failure | None:
+    """Name what keeps a design from string stability, None when nothing does.
+
+    Examples
+    --------
+    >>> from cacc_platoon.model.control import Gains
+    >>> from cacc_platoon.theory.certificate import certify
+    >>> print(explain_failure(certify(Gains(0.65, 0.5, 0.63, 0.009), 5.0, 0.5)).condition)
+    time_headway = 0.65 s is below 0.714286 s = 2 tau_0/(1 + (1 - 1/rho) k_a)
+    """
+    if certificate.string_stable:
+        return None
+    if certificate.k_effective is not None:
+        return _failure_of_one_gain(certificate)
+    if certificate.interval.high >= 1:
+        cap = k_a_max(certificate.rho)
+        return Failure(
+            f"k_a = {certificate.gains.k_a:g} is not below {cap:.6g} = 1/(1 + 1/rho)",
+            "the noise may raise k_a E[w] to 1, and spacing errors grow along the platoon",
+            f"Lower k_a below {cap:.6g} or raise rho",
+        )
+    return _failure_of_headway(certificate) or _failure_of_gains(certificate)
+
+
+def _where(certificate: Certificate) -> str:
+    return f"at tau = {certificate.tau_max:g} s and k_a E[w] = {certificate.k_effective:.6g} alone"
+
+
+def _losses(certificate: Certificate) -> str:
+    share = certificate.reception
+    return "" if share == 1.0 else f" with at least {share:g} of all packets received"
+
+
+def _failure_of_one_gain(certificate: Certificate) -> Failure:
+    gains, tau = certificate.gains, certificate.tau_max
+    if not certificate.internally_stable:
+        return Failure(
+            f"gamma = k_v + h_w k_p = {gamma(gains):.6g} is not above tau k_p = "
+            f"{tau * gains.k_p:.6g} > 0 {_where(certificate)}",
+            "the loop is not internally stable and errors grow in every vehicle",
+            "Raise k_v or lower k_p",
+        )
+    return Failure(
+        f"sup|H| = {certificate.l2_gain:.9g} {_where(certificate)} is above 1",
+        f"errors near {certificate.peak_frequency:.6g} rad/s grow at every hop",
+        "Raise time_headway, or take k_v and k_p from the exact region",
+    )
+
+
+def _failure_of_headway(certificate: Certificate) -> Failure | None:
+    """Explain a headway that no k_v and k_p can serve, None where some can."""
+    (h, k_a, _, _), rho, tau_max = certificate.gains, certificate.rho, certificate.tau_max
+    share = certificate.reception
+    shortest = minimum_headway(k_a, rho, tau_max, reception=share)
+    if h >= shortest * (1.0 - 1e-12):
+        return None
+    paper = headway_bound(k_a, rho, tau_max, reception=share)
+    loss = "" if share == 1.0 else f"{share:g} "
+    return Failure(
+        f"time_headway = {h:g} s is below {shortest:.6g} s = 2 tau_0/(1 + {loss}(1 - 1/rho) k_a)",
+        "spacing errors grow along the platoon whatever k_v and k_p are",
+        f"Raise time_headway, above {paper:.6g} s for the paper's gains, or lower tau_max",
+    )
+
+
+def _failure_of_gains(certificate: Certificate) -> Failure:
     """Explain gains outside the exact region at a headway that has one."""
-    h, k_a, k_v, k_p = gains
-    region = exact_region(k_a, h, rho, tau_max)
+    (h, k_a, k_v, k_p), rho, tau_max = certificate.gains, certificate.rho, certificate.tau_max
+    share = certificate.reception
+    region = exact_region(k_a, h, rho, tau_max, reception=share)
     if not k_p > 0:
-        return (
-            f"k_p = {k_p:g} 1/s^2 is not positive: nothing closes the gap and the spacing error "
-            f"stays. Give k_p > {region.k_p_min:.6g}."
+        return Failure(
+            f"k_p = {k_p:g} 1/s^2 is not positive",
+            "nothing closes the gap and the spacing error stays",
+            f"Give k_p > {region.k_p_min:.6g}",
         )
     if k_p < region.k_p_min:
-        return (
+        paper = headway_bound(k_a, rho, tau_max, reception=share)
+        return Failure(
             f"k_p = {k_p:g} 1/s^2 is below {region.k_p_min:.6g}, the least that string stability "
-            f"needs at time_headway = {h:g} s: no k_v serves both ends of the noise interval. "
-            f"Raise k_p or raise time_headway above {headway_bound(k_a, rho, tau_max):.6g} s."
+            f"needs at time_headway = {h:g} s",
+            "no k_v serves both ends of the noise interval, and spacing errors grow along the "
+            "platoon",
+            f"Raise k_p or raise time_headway above {paper:.6g} s",
         )
     low, high = (float(x) for x in region.bounds(np.float64(k_p)))
     if not math.isfinite(high) or k_v < low:
-        return (
-            f"k_v = {k_v:g} 1/s is below {low:.6g}: slow disturbances grow along the platoon at "
-            f"k_a E[w] = m k_a (C < 0). Raise k_v into [{low:.6g}, {high:.6g}] or raise k_p."
-        )
-    return (
-        f"k_v = {k_v:g} 1/s is above {high:.6g}: disturbances near the bandwidth grow along the "
-        f"platoon (B + 2 tau_0 sqrt(C) < 0). Lower k_v into [{low:.6g}, {high:.6g}]."
+        condition, remedy = f"below {low:.6g}", f"Raise k_v into [{low:.6g}, {high:.6g}]"
+    else:
+        condition, remedy = f"above {high:.6g}", f"Lower k_v into [{low:.6g}, {high:.6g}]"
+    return Failure(f"k_v = {k_v:g} 1/s is {condition}", _what_grows(certificate), remedy)
+
+
+def _what_grows(certificate: Certificate) -> str:
+    """Name the disturbances that grow, and the condition of the exact test that is broken."""
+    gains, tau_max = certificate.gains, certificate.tau_max
+    k = next(k for k in certificate.interval if not is_string_stable(gains, tau_max, k))
+    _, C, margin = propagation_margins(gains, tau_max, k)
+    which, broken = (
+        ("slow disturbances", f"C = {C:.4g}")
+        if C < 0
+        else ("disturbances near the bandwidth", f"B + 2 tau_0 sqrt(C) = {margin:.4g}")
     )
+    return f"{which} grow along the platoon ({broken} < 0 at k_a E[w] = {k:.6g})"

@@ -19,12 +19,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cacc_platoon.theory.errors import require, require_positive
-from cacc_platoon.theory.exact import (
-    is_robustly_string_stable,
-    is_string_stable,
-    propagation_margins,
-)
-from cacc_platoon.theory.noise_interval import checked_interval, effective_interval
+from cacc_platoon.theory.exact import is_string_stable, propagation_margins
+from cacc_platoon.theory.noise_interval import checked_interval, effective_gains
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -69,7 +65,12 @@ def latency_headroom(
 
 
 def latency_margin(
-    gains: Gains, rho: float, tau_max: float, *, k_effective: float | None = None
+    gains: Gains,
+    rho: float,
+    tau_max: float,
+    *,
+    reception: float = 1.0,
+    k_effective: float | None = None,
 ) -> float:
     """Largest V2V latency [s] with string stability for all of I and every lag up to `tau_max`.
 
@@ -81,6 +82,8 @@ def latency_margin(
         Linear signal-to-noise ratio, > 1.
     tau_max : float
         Largest actuation lag [s].
+    reception : float, optional
+        Smallest packet reception probability, losses counted as zero.
     k_effective : float, optional
         Ask for this effective gain at `tau_max` only.
 
@@ -101,25 +104,21 @@ def latency_margin(
     0.0818
     """
     require_positive("tau_max", tau_max, "s")
-    robust = k_effective is None
-    if k_effective is None:
-        ends = tuple(effective_interval(gains.k_a, rho))
-        stable = is_robustly_string_stable(gains, rho, tau_max)
-    else:
-        ends = (k_effective,)
-        stable = is_string_stable(gains, tau_max, k_effective)
-    if not stable:
+    ends = effective_gains(gains.k_a, rho, reception=reception, k_effective=k_effective)
+    if not all(is_string_stable(gains, tau_max, k) for k in ends):
         return 0.0
-    return min(_least_headroom(gains, k, tau_max, robust=robust) for k in ends)
+    every_lag = k_effective is None
+    return min(_least_headroom(gains, k, tau_max, every_lag=every_lag) for k in ends)
 
 
-def _least_headroom(gains: Gains, k: float, tau_max: float, *, robust: bool) -> float:
+def _least_headroom(gains: Gains, k: float, tau_max: float, *, every_lag: bool) -> float:
     """Minimise `latency_headroom` over frequency (and lag) for one effective gain."""
     h, _, k_v, k_p = gains
     damping = k_v + h * k_p
 
     def headroom(omega: Float) -> Float:
-        lag = np.minimum(tau_max, damping / omega**2) if robust else np.full_like(omega, tau_max)
+        worst = np.minimum(tau_max, damping / omega**2)
+        lag = worst if every_lag else np.full_like(omega, tau_max)
         return latency_headroom(h, k_v, k_p, lag, k, omega=omega)
 
     omega = _frequencies(gains, k, tau_max)

@@ -1,15 +1,20 @@
-"""The interval I = [m k_a, M k_a] that noise of one SNR leaves for k_a E[w], m, M = 1 -+ 1/rho."""
+"""The interval I = [m k_a, M k_a] that noise of one SNR leaves for k_a E[w], m, M = 1 -+ 1/rho.
+
+A packet that arrives with probability ``p`` and counts as zero when lost has ``k = p k_a E[w]``:
+where at least a share `reception` arrives, I becomes ``[reception m k_a, M k_a]``.
+"""
 
 from __future__ import annotations
 
 import math
 from typing import NamedTuple
 
-from cacc_platoon.theory.errors import require, require_rho
+from cacc_platoon.theory.errors import require, require_reception, require_rho
 
 __all__ = [
     "EffectiveInterval",
     "checked_interval",
+    "effective_gains",
     "effective_interval",
     "k_a_max",
     "rho_from_snr_db",
@@ -23,20 +28,29 @@ class EffectiveInterval(NamedTuple):
     Attributes
     ----------
     low, high : float
-        ``m k_a`` and ``M k_a``.
+        ``m k_a``, times the reception, and ``M k_a``.
     """
 
     low: float
     high: float
 
 
-def effective_interval(k_a: float, rho: float) -> EffectiveInterval:
+def effective_interval(k_a: float, rho: float, *, reception: float = 1.0) -> EffectiveInterval:
     """Interval ``I = [m k_a, M k_a]`` that holds ``k_a E[w]`` for every noise of this SNR.
+
+    Parameters
+    ----------
+    k_a : float
+        Feed-forward gain.
+    rho : float
+        Linear signal-to-noise ratio, > 1; infinity means no noise.
+    reception : float, optional
+        Smallest packet reception probability, losses counted as zero.
 
     Raises
     ------
     DesignError
-        If `rho` is not above one.
+        If `rho` is not above one or `reception` is not a probability.
 
     Examples
     --------
@@ -44,18 +58,36 @@ def effective_interval(k_a: float, rho: float) -> EffectiveInterval:
     EffectiveInterval(low=0.4, high=0.6)
     """
     require_rho(rho)
-    return EffectiveInterval((1.0 - 1.0 / rho) * k_a, (1.0 + 1.0 / rho) * k_a)
+    require_reception(reception)
+    return EffectiveInterval(reception * (1.0 - 1.0 / rho) * k_a, (1.0 + 1.0 / rho) * k_a)
 
 
-def checked_interval(k_a: float, rho: float) -> EffectiveInterval:
+def effective_gains(
+    k_a: float, rho: float, *, reception: float = 1.0, k_effective: float | None = None
+) -> tuple[float, ...]:
+    """List the effective gains that decide a worst case: both ends of I, or the one asked for.
+
+    Every guarantee here is convex or concave in ``k`` so that nothing inside I is worse.
+
+    Examples
+    --------
+    >>> effective_gains(0.5, 5.0), effective_gains(0.5, 5.0, k_effective=0.52)
+    ((0.4, 0.6), (0.52,))
+    """
+    if k_effective is not None:
+        return (k_effective,)
+    return tuple(effective_interval(k_a, rho, reception=reception))
+
+
+def checked_interval(k_a: float, rho: float, *, reception: float = 1.0) -> EffectiveInterval:
     """`effective_interval`, refusing a gain outside ``[0, k_a_max(rho))``.
 
     Raises
     ------
     DesignError
-        If `k_a` or `rho` is out of range.
+        If `k_a`, `rho` or `reception` is out of range.
     """
-    interval = effective_interval(k_a, rho)
+    interval = effective_interval(k_a, rho, reception=reception)
     require(
         k_a >= 0 and interval.high < 1,
         f"k_a = {k_a:g} is outside [0, {k_a_max(rho):.6g}), the open cap 1/(1 + 1/rho) at "

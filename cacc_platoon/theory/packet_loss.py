@@ -1,7 +1,7 @@
 """What packet loss leaves of the communicated acceleration, in the mean.
 
-A packet that arrives with probability ``p``, counted as zero when lost, has ``k = p k_a E[w]``:
-the lower end of I falls to ``p (1 - 1/rho) k_a``. A receiver that holds the last packet filters.
+Where a lost packet counts as zero, the lower end of I falls to ``p (1 - 1/rho) k_a`` and every
+guarantee takes that as `reception`. A receiver that holds the last packet filters instead.
 """
 
 from __future__ import annotations
@@ -10,12 +10,9 @@ import cmath
 from typing import TYPE_CHECKING
 
 from cacc_platoon.theory.errors import require, require_positive
-from cacc_platoon.theory.exact import is_string_stable
-from cacc_platoon.theory.noise_interval import (
-    EffectiveInterval,
-    checked_interval,
-    effective_interval,
-)
+from cacc_platoon.theory.exact import is_robustly_string_stable
+from cacc_platoon.theory.noise_interval import EffectiveInterval, effective_interval
+from cacc_platoon.theory.region import minimum_headway
 
 if TYPE_CHECKING:
     from cacc_platoon.model.control import Gains
@@ -42,13 +39,7 @@ def reception_interval(k_a: float, rho: float, reception: float) -> EffectiveInt
     >>> reception_interval(0.5, 5.0, reception=0.5)
     EffectiveInterval(low=0.2, high=0.6)
     """
-    require(
-        0 <= reception <= 1,
-        f"reception = {reception:g} is not a probability: no share of packets can be outside "
-        "0 to 1. Give the smallest packet reception probability.",
-    )
-    low, high = effective_interval(k_a, rho)
-    return EffectiveInterval(reception * low, high)
+    return effective_interval(k_a, rho, reception=reception)
 
 
 def is_reception_string_stable(gains: Gains, rho: float, tau_max: float, reception: float) -> bool:
@@ -60,8 +51,7 @@ def is_reception_string_stable(gains: Gains, rho: float, tau_max: float, recepti
     >>> is_reception_string_stable(Gains(1.1, 0.5, 0.62, 0.05), 5.0, 0.5, reception=0.9)
     True
     """
-    low, high = reception_interval(gains.k_a, rho, reception)
-    return high <= 1 and all(is_string_stable(gains, tau_max, k) for k in (low, high))
+    return is_robustly_string_stable(gains, rho, tau_max, reception=reception)
 
 
 def reception_minimum_headway(k_a: float, rho: float, tau_max: float, reception: float) -> float:
@@ -72,9 +62,7 @@ def reception_minimum_headway(k_a: float, rho: float, tau_max: float, reception:
     >>> reception_minimum_headway(0.5, 5.0, 0.5, reception=0.0) == fallback_headway(0.5)
     True
     """
-    require_positive("tau_max", tau_max, "s")
-    checked_interval(k_a, rho)
-    return 2.0 * tau_max / (1.0 + reception_interval(k_a, rho, reception).low)
+    return minimum_headway(k_a, rho, tau_max, reception=reception)
 
 
 def fallback_headway(tau_max: float) -> float:

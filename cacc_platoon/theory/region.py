@@ -38,8 +38,10 @@ __all__ = [
 _SLACK = 1e-12
 
 
-def minimum_headway(k_a: float, rho: float, tau_max: float) -> float:
+def minimum_headway(k_a: float, rho: float, tau_max: float, *, reception: float = 1.0) -> float:
     """Exact minimum headway ``2 tau_0/(1 + m k_a)`` [s], attained with ``k_p`` large enough.
+
+    With a `reception` below one, the smallest share of packets that arrives, ``m`` shrinks by it.
 
     Raises
     ------
@@ -52,7 +54,7 @@ def minimum_headway(k_a: float, rho: float, tau_max: float) -> float:
     0.714286
     """
     require_positive("tau_max", tau_max, "s")
-    return 2.0 * tau_max / (1.0 + checked_interval(k_a, rho).low)
+    return 2.0 * tau_max / (1.0 + checked_interval(k_a, rho, reception=reception).low)
 
 
 def infimum_headway(rho: float, tau_max: float) -> float:
@@ -80,7 +82,7 @@ class ExactRegion(NamedTuple):
 
     Attributes
     ----------
-    k_a, time_headway, rho, tau_max : float
+    k_a, time_headway, rho, tau_max, reception : float
         The question.
     ends : tuple
         ``(k, Q, sqrt(2 X))`` at ``m k_a`` and ``M k_a``; empty when the headway is infeasible.
@@ -94,6 +96,7 @@ class ExactRegion(NamedTuple):
     tau_max: float
     ends: tuple[_End, ...]
     k_p_min: float
+    reception: float = 1.0
 
     @property
     def nonempty(self) -> bool:
@@ -121,7 +124,9 @@ class ExactRegion(NamedTuple):
     def contains(self, k_p: float, k_v: float) -> bool:
         """Whether these gains are robustly string stable (the exact test itself)."""
         gains = Gains(self.time_headway, self.k_a, k_v, k_p)
-        return k_v > 0 and is_robustly_string_stable(gains, self.rho, self.tau_max)
+        return k_v > 0 and is_robustly_string_stable(
+            gains, self.rho, self.tau_max, reception=self.reception
+        )
 
     def area(self, k_p_limit: float) -> float:
         """Area [1/s^3] of the part with ``k_p <= k_p_limit``; the whole region is unbounded.
@@ -157,7 +162,9 @@ class ExactRegion(NamedTuple):
         return found
 
 
-def exact_region(k_a: float, time_headway: float, rho: float, tau_max: float) -> ExactRegion:
+def exact_region(
+    k_a: float, time_headway: float, rho: float, tau_max: float, *, reception: float = 1.0
+) -> ExactRegion:
     """Exact robust region at one ``k_a`` and headway.
 
     Parameters
@@ -170,6 +177,8 @@ def exact_region(k_a: float, time_headway: float, rho: float, tau_max: float) ->
         Linear signal-to-noise ratio, > 1.
     tau_max : float
         Largest actuation lag [s].
+    reception : float, optional
+        Smallest packet reception probability.
 
     Returns
     -------
@@ -191,15 +200,15 @@ def exact_region(k_a: float, time_headway: float, rho: float, tau_max: float) ->
     require_positive("time_headway", time_headway, "s")
     require_positive("tau_max", tau_max, "s")
     ends = []
-    for k in checked_interval(k_a, rho):
+    for k in checked_interval(k_a, rho, reception=reception):
         # X = (1 - k) ((1 + k) h_w/(2 tau_0) - 1): its sign is that of the headway excess
         excess = (1.0 + k) * time_headway / (2.0 * tau_max) - 1.0
         if excess < -_SLACK:
-            return ExactRegion(k_a, time_headway, rho, tau_max, (), math.inf)
+            return ExactRegion(k_a, time_headway, rho, tau_max, (), math.inf, reception)
         Q = (1.0 - k) * (1.0 + k) / (2.0 * tau_max)
         ends.append(_End(k, Q, math.sqrt(2.0 * (1.0 - k) * max(excess, 0.0))))
     z = max(_first_overlap(lower, upper, time_headway) for lower in ends for upper in ends)
-    return ExactRegion(k_a, time_headway, rho, tau_max, tuple(ends), z * z)
+    return ExactRegion(k_a, time_headway, rho, tau_max, tuple(ends), z * z, reception)
 
 
 def _first_overlap(lower: _End, upper: _End, headway: float) -> float:

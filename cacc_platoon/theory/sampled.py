@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from cacc_platoon.theory.errors import require_positive
-from cacc_platoon.theory.exact import TOLERANCE, is_robustly_string_stable, is_string_stable
-from cacc_platoon.theory.noise_interval import effective_interval
+from cacc_platoon.theory.exact import TOLERANCE, is_string_stable
+from cacc_platoon.theory.noise_interval import effective_gains
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -38,7 +38,7 @@ __all__ = [
     "sampled_stability_map",
 ]
 
-_LAGS = np.concatenate(([0.0], np.linspace(0.0, 1.0, 17)[1:]))
+_LAG_FRACTIONS = np.concatenate(([0.0], np.linspace(0.0, 1.0, 17)[1:]))
 
 
 class SampledHop(NamedTuple):
@@ -226,13 +226,9 @@ def _robust(
     return np.asarray(result.all(axis=(1, 2)), dtype=np.bool_)
 
 
-def _question(
-    gains: Gains, rho: float, tau_max: float, k_effective: float | None
-) -> tuple[tuple[float, ...], Float]:
+def _lags(tau_max: float, k_effective: float | None) -> Float:
     require_positive("tau_max", tau_max, "s")
-    if k_effective is None:
-        return tuple(effective_interval(gains.k_a, rho)), tau_max * _LAGS
-    return (k_effective,), np.array([tau_max])
+    return tau_max * _LAG_FRACTIONS if k_effective is None else np.array([tau_max])
 
 
 def is_sampled_string_stable(
@@ -242,6 +238,7 @@ def is_sampled_string_stable(
     period: float,
     *,
     stale: bool = False,
+    reception: float = 1.0,
     k_effective: float | None = None,
 ) -> bool:
     """Certify the sampled loop at one period, for all of I and every lag up to `tau_max`.
@@ -258,6 +255,8 @@ def is_sampled_string_stable(
         Control period T [s].
     stale : bool, optional
         Whether the communicated acceleration is one period old.
+    reception : float, optional
+        Smallest packet reception probability, losses counted as zero.
     k_effective : float, optional
         Ask for this effective gain at `tau_max` only.
 
@@ -278,7 +277,8 @@ def is_sampled_string_stable(
     True
     """
     require_positive("period", period, "s")
-    ends, lags = _question(gains, rho, tau_max, k_effective)
+    lags = _lags(tau_max, k_effective)
+    ends = effective_gains(gains.k_a, rho, reception=reception, k_effective=k_effective)
     return max(map(abs, ends)) <= 1 and bool(
         _robust(gains, ends, lags, np.array([period]), stale)[0]
     )
@@ -290,6 +290,7 @@ def critical_period(
     tau_max: float,
     *,
     stale: bool = False,
+    reception: float = 1.0,
     k_effective: float | None = None,
 ) -> float:
     """Period at which robust string stability is first lost [s]; 0 when no period keeps it.
@@ -298,7 +299,7 @@ def critical_period(
 
     Parameters
     ----------
-    gains, rho, tau_max, stale, k_effective
+    gains, rho, tau_max, stale, reception, k_effective
         As in `is_sampled_string_stable`.
 
     Returns
@@ -312,13 +313,9 @@ def critical_period(
     >>> round(critical_period(Gains(0.95, 0.5, 0.63, 0.009), 5.0, 0.5), 4)
     0.0959
     """
-    ends, lags = _question(gains, rho, tau_max, k_effective)
-    continuous = (
-        is_robustly_string_stable(gains, rho, tau_max)
-        if k_effective is None
-        else is_string_stable(gains, tau_max, k_effective)
-    )
-    if not continuous:
+    lags = _lags(tau_max, k_effective)
+    ends = effective_gains(gains.k_a, rho, reception=reception, k_effective=k_effective)
+    if not all(is_string_stable(gains, tau_max, k) for k in ends):
         return 0.0
     low, high = 0.0, 8.0 / (gains.k_v + gains.time_headway * gains.k_p) + 8.0 * tau_max
     while high - low > 1e-7 * high:

@@ -72,7 +72,7 @@ class PaperRegion(NamedTuple):
         return bool(self.polygon)
 
 
-def headway_bound(k_a: float, rho: float, tau_max: float) -> float:
+def headway_bound(k_a: float, rho: float, tau_max: float, *, reception: float = 1.0) -> float:
     """Paper's lower bound ``2 tau_0 (1 - m k_a)/(1 - M^2 k_a^2)`` [s] (Theorem 2b, strict).
 
     Parameters
@@ -83,6 +83,8 @@ def headway_bound(k_a: float, rho: float, tau_max: float) -> float:
         Linear signal-to-noise ratio, > 1.
     tau_max : float
         Largest actuation lag ``tau_0`` [s].
+    reception : float, optional
+        Smallest packet reception probability, with which ``m`` shrinks.
 
     Returns
     -------
@@ -100,7 +102,7 @@ def headway_bound(k_a: float, rho: float, tau_max: float) -> float:
     0.9375
     """
     require_positive("tau_max", tau_max, "s")
-    low, high = checked_interval(k_a, rho)
+    low, high = checked_interval(k_a, rho, reception=reception)
     return 2.0 * tau_max * (1.0 - low) / ((1.0 - high) * (1.0 + high))
 
 
@@ -191,8 +193,10 @@ def paper_region(k_a: float, time_headway: float, rho: float, tau_max: float) ->
     return PaperRegion(a1, b1, a2, b2, polygon, 0.5 * (a1 * b1 - a2 * b2))
 
 
-def in_paper_region(gains: Gains, rho: float, tau_max: float) -> bool:
+def in_paper_region(gains: Gains, rho: float, tau_max: float, *, reception: float = 1.0) -> bool:
     """Whether the paper's Theorem 2 vouches for these gains: ``(k_p, k_v)`` in S.
+
+    The theorem knows no packet loss; with a `reception` it is applied to the larger interval I.
 
     Examples
     --------
@@ -200,10 +204,10 @@ def in_paper_region(gains: Gains, rho: float, tau_max: float) -> bool:
     >>> in_paper_region(Gains(0.95, 0.5, 0.63, 0.009), rho=5.0, tau_max=0.5)
     True
     """
-    low, high = effective_interval(gains.k_a, rho)
+    low, high = effective_interval(gains.k_a, rho, reception=reception)
     if not (gains.k_a > 0 and high < 1 and gains.k_p > 0 and gains.k_v > 0):
         return False
-    if not gains.time_headway > headway_bound(gains.k_a, rho, tau_max):
+    if not gains.time_headway > headway_bound(gains.k_a, rho, tau_max, reception=reception):
         return False
     upper = 2.0 * tau_max * (gains.k_v + gains.time_headway * gains.k_p)
     lower = gains.time_headway * (gains.k_v + 0.5 * gains.time_headway * gains.k_p)

@@ -13,16 +13,15 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from cacc_platoon.theory.errors import require
-from cacc_platoon.theory.exact import is_string_stable, l2_gain, linf_gain
-from cacc_platoon.theory.noise_interval import effective_interval
-from cacc_platoon.theory.transfer import frequency_response, poles, slowest_time_constant
+from cacc_platoon.theory.exact import is_string_stable, l2_gain
+from cacc_platoon.theory.transfer import frequency_response, poles
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from cacc_platoon.model.control import Gains
 
-__all__ = ["ChainCertificate", "LagEffect", "Link", "certify_chain", "effect_of_lag"]
+__all__ = ["ChainCertificate", "Link", "certify_chain"]
 
 
 class Link(NamedTuple):
@@ -92,48 +91,3 @@ def certify_chain(links: Sequence[Link]) -> ChainCertificate:
     return ChainCertificate(
         all(is_string_stable(*link) for link in links), gains, total, int(np.argmax(gains)) + 1
     )
-
-
-class LagEffect(NamedTuple):
-    """How a design behaves at one lag, worst over the ends of I.
-
-    Attributes
-    ----------
-    tau : float
-        Lag [s].
-    string_stable : bool
-        Whether both ends of I are string stable.
-    l2_gain, linf_gain : float
-        Largest of both ends.
-    slowest_time_constant : float
-        Slowest mode [s].
-    """
-
-    tau: float
-    string_stable: bool
-    l2_gain: float
-    linf_gain: float
-    slowest_time_constant: float
-
-
-def effect_of_lag(gains: Gains, rho: float, taus: Sequence[float]) -> list[LagEffect]:
-    """Tabulate what smaller (or larger) actuation lags do to one design.
-
-    Examples
-    --------
-    >>> from cacc_platoon.model.control import Gains
-    >>> effects = effect_of_lag(Gains(0.95, 0.5, 0.63, 0.009), 5.0, [0.1, 0.5, 0.9])
-    >>> [effect.string_stable for effect in effects]
-    [True, True, False]
-    """
-    ends = effective_interval(gains.k_a, rho)
-    return [
-        LagEffect(
-            tau,
-            all(is_string_stable(gains, tau, k) for k in ends),
-            max(l2_gain(gains, tau, k).gain for k in ends),
-            max(linf_gain(gains, tau, k) for k in ends),
-            slowest_time_constant(gains, tau),
-        )
-        for tau in taus
-    ]

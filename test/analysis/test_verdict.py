@@ -98,7 +98,8 @@ def test_warning_is_one_line_and_only_where_due():
     assert warn_if_not_string_stable(case_scenario(CASES[0])) is None
     warning = warn_if_not_string_stable(case_scenario(CASES[1]))
     assert "\n" not in warning
-    assert "h_w = 0.65 s is below 0.714286 s" in warning
+    assert "time_headway = 0.65 s is below 0.714286 s" in warning
+    assert "sup|H| = 1.0035" in warning
     assert "0.9375 s" in warning
 
 

@@ -43,8 +43,8 @@ def test_every_design_is_certified_and_meets_the_requirements(rho, tau_max, ask)
         assert is_robustly_string_stable(design.gains, rho, tau_max)
         assert latency_margin(design.gains, rho, tau_max) >= ask.latency + ask.period
         assert is_sampled_string_stable(design.gains, rho, tau_max, ask.period, stale=True)
-        assert design.linf_gain <= (ask.max_linf or math.inf)
-        assert design.slowest_time_constant <= (ask.max_time_constant or math.inf)
+        assert design.certificate.linf_gain <= (ask.max_linf or math.inf)
+        assert design.certificate.slowest_time_constant <= (ask.max_time_constant or math.inf)
         assert design.gains.time_headway <= (ask.max_headway or 2.5 * tau_max) * (1 + 1e-12)
         assert ask.k_a in (None, design.gains.k_a)
         assert ask.time_headway in (None, design.gains.time_headway)
@@ -58,7 +58,8 @@ def test_every_design_is_certified_and_meets_the_requirements(rho, tau_max, ask)
 def test_the_shortest_beats_the_paper_when_the_exact_theory_allows():
     found = recommend(5.0, 0.5)
     assert found["shortest"].gains.time_headway < 0.66 < optimum(5.0, 0.5).time_headway
-    assert found["robust"].latency_margin > 5 * found["paper"].latency_margin
+    robust, paper = found["robust"].certificate, found["paper"].certificate
+    assert robust.latency_margin > 5 * paper.latency_margin
 
 
 def test_the_papers_design_is_in_its_region_and_near_its_optimum():
@@ -96,6 +97,34 @@ def test_impossible_wishes_are_refused_in_words(rho, tau_max, ask, words):
     assert "\n" not in text
 
 
+A = Gains(0.95, 0.5, 0.63, 0.009)
+STABLE = {"latency margin", "critical period", "headway", "L-infinity gain", "slowest"}
+
+
+@pytest.mark.parametrize(
+    ("ask", "missed"),
+    [
+        (Requirements(period=0.04, latency=0.0417), set()),
+        (Requirements(period=0.04, latency=0.0418), {"latency margin"}),
+        (Requirements(period=0.0444), {"critical period"}),
+        (Requirements(max_headway=0.949), {"headway"}),
+        (Requirements(max_linf=1.0395), {"L-infinity gain"}),
+        (Requirements(max_linf=1.0396, max_time_constant=69.3), {"slowest"}),
+    ],
+)
+def test_requirements_read_the_certificate(ask, missed):
+    """docs/theory.md, section 3, case A: 81.8 ms, 44.3 ms, 1.0396 and 69 s."""
+    unmet = ask.unmet(certify(A, 5.0, 0.5))
+    assert {name for name in STABLE if any(line.startswith(name) for line in unmet)} == missed
+    assert len(unmet) == len(missed)
+    assert assess(A, 5.0, 0.5, ask).unmet == unmet
+
+
+def test_a_design_that_is_not_string_stable_misses_that_first():
+    unmet = Requirements().unmet(certify(A._replace(time_headway=0.65), 5.0, 0.5))
+    assert unmet[0] == "not robustly string stable"
+
+
 def test_a_name_that_is_not_recommended_is_refused():
     with pytest.raises(DesignError, match="paper, shortest, robust, balanced"):
         recommend(5.0, 0.5, Requirements(k_a=0.5))["best"]
@@ -124,16 +153,14 @@ def test_estimates_are_close_to_the_certificates():
     ]
     columns = Candidates(*(np.array(column) for column in zip(*designs, strict=True)))
     estimates = Estimates(5.0, 0.5)
-    exact = [assess(gains, 5.0, 0.5) for gains in designs]
+    exact = [certify(gains, 5.0, 0.5) for gains in designs]
+    periods = [one.critical_period_stale_accel for one in exact]
+    slowest = [one.slowest_time_constant for one in exact]
     pairs = (
-        (estimates.latency_margin(columns), [d.latency_margin for d in exact], 0.05),
-        (estimates.critical_period(columns, 1e-3), [d.critical_period for d in exact], 0.02),
-        (estimates.linf_gain(columns), [d.linf_gain for d in exact], 2e-3),
-        (
-            estimates.slowest_time_constant(columns),
-            [d.slowest_time_constant for d in exact],
-            1e-9,
-        ),
+        (estimates.latency_margin(columns), [one.latency_margin for one in exact], 0.05),
+        (estimates.critical_period(columns, 1e-3), periods, 0.02),
+        (estimates.linf_gain(columns), [one.linf_gain for one in exact], 2e-3),
+        (estimates.slowest_time_constant(columns), slowest, 1e-9),
     )
     for estimate, value, tolerance in pairs:
         assert estimate == pytest.approx(value, rel=tolerance)
