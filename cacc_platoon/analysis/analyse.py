@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -17,7 +14,7 @@ from cacc_platoon.bags.raw import Progress
 from cacc_platoon.runs import RecordedRun, read_run
 from cacc_platoon.runs.locate import locate
 from cacc_platoon.scenario import Scenario
-from cacc_platoon.simulation import Ensemble, Trajectory, monte_carlo, simulate
+from cacc_platoon.simulation import Ensemble, Trajectory, monte_carlo, simulate_mean
 
 AUTOMATIC_RUNS = ((20, 400_000), (10, 2_500_000))
 """Noisy runs simulated beside the recorded one, up to so many states (samples x vehicles)."""
@@ -36,7 +33,7 @@ class Report:
     measured : Metrics
         Of the recorded run.
     expectation : Trajectory
-        The same scenario with w = E[w], which is the mean of all noisy runs.
+        The mean system of the scenario: the mean of all its noisy, lossy runs.
     expected : Metrics
         Of the expectation run.
     consistency : Consistency
@@ -94,7 +91,7 @@ def analyse(
     with np.errstate(all="ignore"):  # an unstable scenario overflows, and that is its result
         measured = compute_metrics(run.trajectory)
         consistency = check_consistency(run.trajectory)
-        expectation = simulate(expected_scenario(run.trajectory.scenario))
+        expectation = simulate_mean(run.trajectory.scenario)
         expected = compute_metrics(expectation)
         ensemble = _ensemble(run.trajectory.scenario, runs, progress)
     return Report(
@@ -104,14 +101,17 @@ def analyse(
         expectation,
         expected,
         consistency,
-        judge(run.trajectory.scenario, measured.noise, consistency),
+        judge(run.trajectory.scenario, measured.noise, consistency, measured.reception),
         ensemble,
     )
 
 
 def _ensemble(scenario: Scenario, runs: int | None, progress: Progress | None) -> Ensemble | None:
-    """Simulate noisy runs; `runs` as in `analyse`."""
-    if all(follower.v2v.noise != "bits" for follower in scenario.followers):
+    """Simulate noisy runs; `runs` as in `analyse`. Code that a scenario names is not run."""
+    followers = scenario.followers
+    if any(follower.v2v.channel or follower.law_name for follower in followers):
+        return None
+    if not any(follower.v2v.noise == "bits" or follower.v2v.loss for follower in followers):
         return None
     states = scenario.samples * (scenario.platoon.followers + 1)
     if runs is None:
@@ -120,17 +120,3 @@ def _ensemble(scenario: Scenario, runs: int | None, progress: Progress | None) -
         return None
     said = (lambda done, total: progress("noisy runs", done, total)) if progress else None
     return monte_carlo(scenario, runs, said)
-
-
-def expected_scenario(scenario: Scenario) -> Scenario:
-    """Return the scenario with random bits replaced by their expectation, on every link."""
-
-    def calm(values: Mapping[str, Any]) -> dict[str, Any]:
-        changed = {"v2v.noise": "expected"} if values.get("v2v.noise") == "bits" else {}
-        return {**values, **changed}
-
-    v2v = scenario.v2v
-    if v2v.noise == "bits":
-        v2v = dataclasses.replace(v2v, noise="expected")
-    overrides = {index: calm(own) for index, own in scenario.overrides.items()}
-    return dataclasses.replace(scenario, v2v=v2v, overrides=overrides)

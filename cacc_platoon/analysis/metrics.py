@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cacc_platoon.analysis.age import LinkReception, link_reception
 from cacc_platoon.analysis.noise import LinkNoise, link_noise
 from cacc_platoon.simulation import Trajectory
 from cacc_platoon.simulation.trajectory import Array
@@ -63,6 +64,8 @@ class Metrics:
         Who and when [s].
     noise : list of LinkNoise
         Realised noise per link.
+    reception : list of LinkReception
+        Packet loss and age of information per link.
     """
 
     duration: float
@@ -86,6 +89,7 @@ class Metrics:
     collision: bool
     first_collision: tuple[int, float] | None
     noise: list[LinkNoise]
+    reception: list[LinkReception]
 
 
 def compute_metrics(run: Trajectory) -> Metrics:
@@ -133,6 +137,7 @@ def compute_metrics(run: Trajectory) -> Metrics:
         collision=collided is not None,
         first_collision=collided,
         noise=link_noise(run),
+        reception=link_reception(run),
     )
 
 

@@ -69,7 +69,7 @@ def noise_factor(run: Trajectory) -> Array:
     sent = run.acceleration[:, :-1]
     loud = np.abs(sent) > SILENCE
     factor = np.full(sent.shape, np.nan)
-    np.divide(run.received, sent, out=factor, where=loud)
+    np.divide(run.arrived, sent, out=factor, where=loud)
     return factor
 
 
@@ -87,7 +87,7 @@ def _link(run: Trajectory, factor: Array, column: int) -> LinkNoise:
     follower = run.scenario.followers[column]
     v2v = follower.v2v
     values = factor[np.isfinite(factor)]
-    sent, received = run.acceleration[:, column], run.received[:, column]
+    sent, received = run.acceleration[:, column], run.arrived[:, column]
     slack = BREACH_SLACK
     outside = (factor < 1.0 - 1.0 / v2v.rho - slack) | (factor > 1.0 + 1.0 / v2v.rho + slack)
     outside |= (sent == 0.0) & np.isfinite(received) & (received != 0.0)

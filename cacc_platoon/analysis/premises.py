@@ -2,27 +2,68 @@
 
 from __future__ import annotations
 
+from cacc_platoon.analysis.age import LinkReception
 from cacc_platoon.analysis.consistency import Consistency
 from cacc_platoon.analysis.noise import LinkNoise
+from cacc_platoon.scenario import Scenario
 
 
-def broken_premises(noise: list[LinkNoise], consistency: Consistency | None) -> list[str]:
+def broken_premises(
+    scenario: Scenario,
+    noise: list[LinkNoise],
+    reception: list[LinkReception],
+    consistency: Consistency | None,
+) -> list[str]:
     """Say why a certificate does not cover the run."""
-    reasons = []
+    return [
+        *_own_code(scenario),
+        *_noise_out_of_range(noise),
+        *_unexplained_loss(reception),
+        *_departures(consistency),
+    ]
+
+
+def _own_code(scenario: Scenario) -> list[str]:
+    """Name channels and laws of the user's own, of which nothing is proven."""
+    channels = sorted({f.v2v.channel for f in scenario.followers if f.v2v.channel})
+    laws = sorted({f.law_name for f in scenario.followers if f.law_name})
+    return [
+        *(f"v2v.channel = {name} is another channel than noise and loss" for name in channels),
+        *(f"controller.law = {name} is another law than the certified one" for name in laws),
+    ]
+
+
+def _noise_out_of_range(noise: list[LinkNoise]) -> list[str]:
     broken = [link for link in noise if link.breaches]
-    if broken:
-        first = min(broken, key=lambda link: link.first_breach)
-        samples = sum(link.breaches for link in broken)
-        reasons.append(
-            f"the channel left 1 - 1/rho <= w <= 1 + 1/rho on {len(broken)} of {len(noise)} links "
-            f"({samples} samples), first on link {first.follower - 1} -> {first.follower} at "
-            f"{first.first_breach:g} s"
-        )
-    if consistency and consistency.departures:
-        follower, time, apart = min(consistency.departures, key=lambda item: item[1])
-        reasons.append(
-            f"vehicle {follower} departs from its scenario's equations at {time:g} s by "
-            f"{apart:.3g} ({len(consistency.departures)} vehicles in all): other gains, another "
-            "law, or data that were altered"
-        )
-    return reasons
+    if not broken:
+        return []
+    first = min(broken, key=lambda link: link.first_breach)
+    samples = sum(link.breaches for link in broken)
+    return [
+        f"the channel left 1 - 1/rho <= w <= 1 + 1/rho on {len(broken)} of {len(noise)} links "
+        f"({samples} samples), first on link {first.follower - 1} -> {first.follower} at "
+        f"{first.first_breach:g} s"
+    ]
+
+
+def _unexplained_loss(reception: list[LinkReception]) -> list[str]:
+    broken = [link for link in reception if link.loses_too_much]
+    if not broken:
+        return []
+    worst = max(broken, key=lambda link: link.loss - link.loss_probability)
+    return [
+        f"{len(broken)} of {len(reception)} links lost more packets than v2v.loss explains, most "
+        f"on link {worst.follower - 1} -> {worst.follower}: {100 * worst.loss:.3g} % at a "
+        f"probability of {100 * worst.loss_probability:.3g} %"
+    ]
+
+
+def _departures(consistency: Consistency | None) -> list[str]:
+    if not consistency or not consistency.departures:
+        return []
+    follower, time, difference = min(consistency.departures, key=lambda item: item[1])
+    return [
+        f"vehicle {follower} departs from its scenario's equations at {time:g} s by "
+        f"{difference:.3g} ({len(consistency.departures)} vehicles in all): other gains, another "
+        "law, or data that were altered"
+    ]

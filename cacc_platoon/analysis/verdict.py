@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cacc_platoon.analysis.age import LinkReception
 from cacc_platoon.analysis.consistency import Consistency
 from cacc_platoon.analysis.noise import LinkNoise
 from cacc_platoon.analysis.premises import broken_premises
@@ -32,6 +33,16 @@ L2_NAME = "L2 string stability (H-infinity norm of H, paper's condition (3))"
 LINF_NAME = (
     "L-infinity: L1 norm of the impulse response of H, at tau0 and both ends of I; bounds the "
     "ratio of peaks of a_i, and of delta_i between equal followers"
+)
+
+ZERO_NAME = (
+    "lost packets count as zero: the mean system of every packet reception probability from p to 1 "
+    "has k in [p m k_a, M k_a], p = {:.6g}"
+)
+HOLD_NAME = (
+    "the last packet is held while others are lost: the mean system, at the packet reception "
+    "probability p = {:.6g} and the control period of the run, passes the exact test of the "
+    "sampled loop with k filtered by p/(1 - (1 - p)/z)"
 )
 
 JUDGED_BY = (
@@ -62,9 +73,10 @@ class FollowerVerdict(NamedTuple):
     undecided : str
         Why there is no certificate, else empty.
     realised_k : float
-        k_a times the mean w of this run's link; NaN when w could not be told.
+        k_a times the mean w of this run's link, and times p where losses count as zero; NaN when w
+        is unknown.
     realised_stable : bool or None
-        The exact test for that k and the follower's own tau; None when w could not be told.
+        The exact test for that k and the follower's own tau; None when w is unknown.
     """
 
     follower: int
@@ -86,7 +98,7 @@ class FollowerVerdict(NamedTuple):
 
     @property
     def string_stable(self) -> bool:
-        """The exact test, worst over I and tau in (0, tau0]."""
+        """The exact test, worst over I and tau in (0, tau0]; of the mean system under loss."""
         return self.certificate is not None and self.certificate.string_stable
 
     @property
@@ -183,6 +195,7 @@ def judge(
     scenario: Scenario,
     noise: list[LinkNoise] | None = None,
     consistency: Consistency | None = None,
+    reception: list[LinkReception] | None = None,
 ) -> Verdict:
     """Judge a scenario, and with what its run showed, the run.
 
@@ -194,6 +207,8 @@ def judge(
         Realised noise of the links.
     consistency : Consistency, optional
         Whether the run obeys the equations.
+    reception : list of LinkReception, optional
+        What arrived over the links.
 
     Examples
     --------
@@ -207,7 +222,7 @@ def judge(
     verdicts = []
     for follower in scenario.followers:
         mean = means.get(follower.index, math.nan)
-        key = (follower.gains, follower.tau_max, follower.v2v.rho)
+        key = (follower.gains, follower.tau_max, follower.v2v.rho, *_reception(follower))
         if key not in seen:
             seen[key] = _judge_follower(follower, scenario.run.step)
         verdicts.append(_realised(seen[key], follower, mean))
@@ -221,9 +236,12 @@ def judge(
     return Verdict(
         stable,
         all(verdict.in_paper_region for verdict in verdicts),
-        f"{EXACT_TEST}; {law}; {L2_NAME}",
+        "; ".join((EXACT_TEST, law, L2_NAME, *_loss_names(scenario))),
         equal,
-        (*_sampled_too_slowly(verdicts), *broken_premises(noise or [], consistency)),
+        (
+            *_sampled_too_slowly(verdicts),
+            *broken_premises(scenario, noise or [], reception or [], consistency),
+        ),
         tuple(verdicts),
         max(verdicts, key=lambda one: (not one.string_stable, one.decided, one.l2_gain)),
         _end_to_end(scenario, verdicts),
@@ -243,10 +261,31 @@ def _judge_follower(follower: Follower, step: float) -> FollowerVerdict:
 
 
 def _decide(follower: Follower, step: float) -> FollowerVerdict:
-    certificate = certify(follower.gains, follower.v2v.rho, follower.tau_max, period=step)
+    zero, held = _reception(follower)
+    certificate = certify(
+        follower.gains,
+        follower.v2v.rho,
+        follower.tau_max,
+        period=step,
+        reception=zero,
+        held=held,
+    )
     for part in JUDGED_BY:  # what cannot be computed shows here, not when the verdict is read
         getattr(certificate, part)
     return FollowerVerdict(follower.index, certificate, explain_failure(certificate))
+
+
+def _reception(follower: Follower) -> tuple[float, float]:
+    """Return the packet reception probability where losses count as zero, and where one holds."""
+    arrives = 1.0 - follower.v2v.loss
+    return (1.0, arrives) if follower.v2v.reception == "hold" else (arrives, 1.0)
+
+
+def _loss_names(scenario: Scenario) -> list[str]:
+    """Say what the certificate means where packets may be lost, at the lossiest link."""
+    pairs = [_reception(follower) for follower in scenario.followers]
+    zero, held = min(pair[0] for pair in pairs), min(pair[1] for pair in pairs)
+    return [name.format(p) for name, p in ((ZERO_NAME, zero), (HOLD_NAME, held)) if p < 1.0]
 
 
 def _sampled_too_slowly(verdicts: list[FollowerVerdict]) -> list[str]:
@@ -269,7 +308,7 @@ def _realised(verdict: FollowerVerdict, follower: Follower, mean: float) -> Foll
     """Fill in what holds for the mean w that this run had."""
     if not verdict.decided or not abs(mean) < _ABSURD:
         return verdict._replace(follower=follower.index)
-    k = follower.gains.k_a * mean
+    k = follower.gains.k_a * mean * _reception(follower)[0]
     return verdict._replace(
         follower=follower.index,
         realised_k=k,

@@ -87,6 +87,8 @@ def simulate(
 def simulate_mean(scenario: Scenario) -> Trajectory:
     """Run the mean system of a scenario: the expectation of all its noisy, lossy runs.
 
+    Laws and channels of somebody's own are left out: it is the mean of what gains and v2v say.
+
     Examples
     --------
     >>> scenario = Scenario.from_values({"run.duration": 11.0, "v2v.noise": "expected"})
@@ -94,7 +96,9 @@ def simulate_mean(scenario: Scenario) -> Trajectory:
     >>> bool((run.position == mean.position).all())
     True
     """
-    states = propagate(scenario, MeanLinks(scenario.followers))
+    own = any(follower.law_name for follower in scenario.followers)
+    law = Follower.spacing_policy if own else None  # code that a scenario names is not run
+    states = propagate(scenario, MeanLinks(scenario.followers), law=law)
     position, velocity, acceleration = (np.ascontiguousarray(part[:, 0]) for part in states)
     received = _received(MeanLinks(scenario.followers), states[2])[:, 0]
     return Trajectory(scenario, position, velocity, acceleration, received)

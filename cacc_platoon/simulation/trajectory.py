@@ -64,6 +64,16 @@ class Trajectory:
     arrivals: tuple[Arrivals, ...] | None = None
 
     @cached_property
+    def arrived(self) -> Array:
+        """Received accelerations by the sample they were sent at, NaN where lost, (samples, N)."""
+        if self.arrivals is None:
+            return self.received
+        arrived = np.full(self.received.shape, np.nan)
+        for column, (source, _, value) in enumerate(self.arrivals):
+            arrived[source, column] = value
+        return arrived
+
+    @cached_property
     def time(self) -> Array:
         """Sample times k T [s], shape (samples,)."""
         return np.asarray(np.arange(len(self.position)) * self.scenario.run.step, np.float64)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from cacc_platoon.theory.errors import require, require_positive
+from cacc_platoon.theory.errors import require, require_positive, require_reception
 from cacc_platoon.theory.exact import L2Gain, is_string_stable, l2_gain, linf_gain
 from cacc_platoon.theory.latency import latency_margin
 from cacc_platoon.theory.mean_square import leader_error_norm, mean_square_index
@@ -90,6 +90,9 @@ class Certificate:
         For the mean-square index.
     reception : float
         Smallest packet reception probability, losses counted as zero.
+    held : float
+        Packet reception probability of a receiver that holds the last packet; the sampled loop
+        alone is judged with it.
     k_effective : float or None
         The one effective gain at `tau_max` that is asked for instead of the worst case.
     """
@@ -101,6 +104,7 @@ class Certificate:
     noise: NoiseStatistics = field(default_factory=NoiseStatistics)
     reception: float = 1.0
     k_effective: float | None = None
+    held: float = 1.0
 
     def __post_init__(self) -> None:
         """Refuse a question that has no meaning; a design that fails is an answer."""
@@ -115,6 +119,7 @@ class Certificate:
                 f"push the wrong way. Give {name} >= 0.",
             )
         _ = self.interval  # refuses rho and reception
+        require_reception(self.held)
 
     @cached_property
     def interval(self) -> EffectiveInterval:
@@ -139,9 +144,18 @@ class Certificate:
         return in_paper_region(self.gains, self.rho, self.tau_max, reception=self.reception)
 
     @cached_property
-    def string_stable(self) -> bool:
-        """The exact test."""
+    def _passes_exact_test(self) -> bool:
         return all(is_string_stable(self.gains, self.tau_max, k) for k in self.effective_gains)
+
+    @property
+    def string_stable(self) -> bool:
+        """The exact test; where packets are held, that of the sampled mean system too."""
+        return self._passes_exact_test and (self.held == 1.0 or self.sampled_string_stable)
+
+    @property
+    def fails_held(self) -> bool:
+        """Whether it is for held packets alone that the design is not string stable."""
+        return self._passes_exact_test and not self.string_stable
 
     @cached_property
     def _worst_l2_gain(self) -> L2Gain:
@@ -176,6 +190,7 @@ class Certificate:
             self.rho,
             self.tau_max,
             self.period,
+            held=self.held,
             reception=self.reception,
             k_effective=self.k_effective,
         )
@@ -243,7 +258,7 @@ class Certificate:
         return {
             name: getattr(self, name)
             for name, part in vars(type(self)).items()
-            if isinstance(part, cached_property | property) and not name.startswith("_")
+            if isinstance(part, cached_property | property) and not name.startswith(("_", "fails"))
         }
 
 
@@ -256,6 +271,7 @@ def certify(
     noise: NoiseStatistics | None = None,
     reception: float = 1.0,
     k_effective: float | None = None,
+    held: float = 1.0,
 ) -> Certificate:
     """Certify one design.
 
@@ -276,6 +292,8 @@ def certify(
         ``reception (1 - 1/rho) k_a``.
     k_effective : float, optional
         Certify for this effective gain at `tau_max` only, instead of the worst case.
+    held : float, optional
+        Packet reception probability of a receiver that holds the last packet.
 
     Returns
     -------
@@ -296,4 +314,4 @@ def certify(
     (True, 0.0818)
     """
     noise = noise or NoiseStatistics(redraw_period=period)
-    return Certificate(gains, rho, tau_max, period, noise, reception, k_effective)
+    return Certificate(gains, rho, tau_max, period, noise, reception, k_effective, held)

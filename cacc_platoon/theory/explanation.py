@@ -146,6 +146,13 @@ def explain_failure(certificate: Certificate) -> Failure | None:
     """
     if certificate.string_stable:
         return None
+    if certificate.fails_held:
+        return Failure(
+            f"with a share {certificate.held:.6g} of all packets received and the last one held, "
+            f"the mean loop sampled every {certificate.period:g} s has sup|H_T| > 1",
+            "disturbances grow along the platoon in the mean",
+            "Raise time_headway, lose fewer packets or take v2v.reception = zero",
+        )
     if certificate.k_effective is not None:
         return _failure_of_one_gain(certificate)
     if certificate.interval.high >= 1:

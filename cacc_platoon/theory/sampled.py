@@ -6,7 +6,9 @@ In the delta operator ``d = (z - 1)/T`` the hop is ``H_T = N_T(d)/D_T(d)``; as T
 
 .. math:: |D_T|^2 - |N_T|^2 = \mathrm{Re}\,(D_T - N_T)(D_T + N_T)^* = \eta\, q(\eta)
 
-with ``q`` of degree 2, or 3 when the communicated acceleration is one step old. The hop is string
+with ``q`` of degree 2, or 3 when the communicated acceleration is one step old, or when a receiver
+holds the last packet, which arrives with probability ``p``: in the mean that filters it by
+``p/(1 - (1 - p)/z)``, and ``D_T``, ``N_T`` are multiplied by ``z - (1 - p)``. The hop is string
 stable iff ``q >= 0`` on ``(0, 4/T^2]`` and the roots of ``D_T`` are in the unit disc.
 The worst ``k`` is an end of I, since ``|N_T|^2`` is convex in ``k``; the worst lag is searched on
 a grid over ``[0, tau_0]``: that part is numerical.
@@ -47,7 +49,8 @@ class SampledHop(NamedTuple):
     Attributes
     ----------
     numerator, denominator : tuple of ndarray
-        ``N_T`` and ``D_T``; a stale acceleration multiplies both by ``z`` except in its own term.
+        ``N_T`` and ``D_T``; a stale acceleration multiplies both by ``z`` except in its own term,
+        one that is held by ``z - (1 - p)`` except in its own term, and that by ``p z``.
     loop : tuple of ndarray
         Monic characteristic polynomial of the vehicle's own loop, without that ``z``.
     """
@@ -89,6 +92,7 @@ def sampled_hop(
     *,
     period: ArrayLike,
     stale: bool = False,
+    held: float = 1.0,
 ) -> SampledHop:
     """Discretise one hop exactly; all arguments broadcast.
 
@@ -100,6 +104,8 @@ def sampled_hop(
         Control period T [s].
     stale : bool, optional
         Whether the communicated acceleration is one period old.
+    held : float, optional
+        Packet reception probability of a receiver that holds the last packet; not with `stale`.
 
     Returns
     -------
@@ -126,13 +132,21 @@ def sampled_hop(
         np.ones_like(a1),
     )
     zero = np.zeros_like(a1)
-    if not stale:
+    if not stale and held == 1.0:
         return SampledHop((feedback[0], feedback[1], feedback[2] + k * a1, zero), loop, loop)
-    delayed = [zero, *(T * c for c in feedback)]
-    numerator = [c + d for c, d in zip([*feedback, zero], delayed, strict=True)]
-    numerator[2] = numerator[2] + k * a1
-    denominator = [c + T * d for c, d in zip([*loop, zero], [zero, *loop], strict=True)]
-    return SampledHop((*numerator, zero), tuple(denominator), loop)
+    first = 1.0 if stale else held  # both are multiplied by z - 1 + first = first + T d
+    numerator = _times((*feedback, zero), first, T)
+    numerator[2] = numerator[2] + (1.0 if stale else held) * k * a1
+    if not stale:
+        numerator[3] = numerator[3] + held * k * a1 * T
+    return SampledHop((*numerator,), (*_times(loop, first, T),), loop)
+
+
+def _times(polynomial: tuple[Float, ...], first: float, period: Float) -> list[Float]:
+    """Multiply a polynomial in d, coefficients from the lowest power up, by first + T d."""
+    zero = np.zeros_like(polynomial[0])
+    own, shifted = (*polynomial, zero), (zero, *polynomial)
+    return [first * c + period * d for c, d in zip(own, shifted, strict=True)]
 
 
 def _propagation_polynomial(hop: SampledHop, period: Float) -> tuple[Float, Float]:
@@ -177,6 +191,7 @@ def sampled_stability_map(
     *,
     period: ArrayLike,
     stale: bool = False,
+    held: float = 1.0,
 ) -> NDArray[np.bool_]:
     """Exact sampled-data string stability over arrays that broadcast; see `sampled_hop`.
 
@@ -190,7 +205,9 @@ def sampled_stability_map(
     >>> sampled_stability_map(0.95, 0.63, 0.009, 0.5, 0.6, period=[0.01, 0.1]).tolist()
     [True, False]
     """
-    hop = sampled_hop(time_headway, k_v, k_p, tau, k_effective, period=period, stale=stale)
+    hop = sampled_hop(
+        time_headway, k_v, k_p, tau, k_effective, period=period, stale=stale, held=held
+    )
     T = np.broadcast_to(np.asarray(period, dtype=float), hop.loop[0].shape)
     q, size = _propagation_polynomial(hop, T)
     scale = np.multiply.accumulate(np.broadcast_to(4.0 / T**2, q.shape)[1:], axis=0)
@@ -211,7 +228,13 @@ def sampled_stability_map(
 
 
 def _robust(
-    gains: Gains, ends: tuple[float, ...], lags: Float, periods: Float, stale: bool
+    gains: Gains,
+    ends: tuple[float, ...],
+    lags: Float,
+    periods: Float,
+    *,
+    stale: bool,
+    held: float,
 ) -> NDArray[np.bool_]:
     h, _, k_v, k_p = gains
     result = sampled_stability_map(
@@ -222,6 +245,7 @@ def _robust(
         np.asarray(ends),
         period=periods[:, np.newaxis, np.newaxis],
         stale=stale,
+        held=held,
     )
     return np.asarray(result.all(axis=(1, 2)), dtype=np.bool_)
 
@@ -238,6 +262,7 @@ def is_sampled_string_stable(
     period: float,
     *,
     stale: bool = False,
+    held: float = 1.0,
     reception: float = 1.0,
     k_effective: float | None = None,
 ) -> bool:
@@ -255,6 +280,8 @@ def is_sampled_string_stable(
         Control period T [s].
     stale : bool, optional
         Whether the communicated acceleration is one period old.
+    held : float, optional
+        Packet reception probability of a receiver that holds the last packet, > 0.
     reception : float, optional
         Smallest packet reception probability, losses counted as zero.
     k_effective : float, optional
@@ -280,7 +307,7 @@ def is_sampled_string_stable(
     lags = _lags(tau_max, k_effective)
     ends = effective_gains(gains.k_a, rho, reception=reception, k_effective=k_effective)
     return max(map(abs, ends)) <= 1 and bool(
-        _robust(gains, ends, lags, np.array([period]), stale)[0]
+        _robust(gains, ends, lags, np.array([period]), stale=stale, held=held)[0]
     )
 
 
@@ -290,6 +317,7 @@ def critical_period(
     tau_max: float,
     *,
     stale: bool = False,
+    held: float = 1.0,
     reception: float = 1.0,
     k_effective: float | None = None,
 ) -> float:
@@ -299,7 +327,7 @@ def critical_period(
 
     Parameters
     ----------
-    gains, rho, tau_max, stale, reception, k_effective
+    gains, rho, tau_max, stale, held, reception, k_effective
         As in `is_sampled_string_stable`.
 
     Returns
@@ -320,7 +348,7 @@ def critical_period(
     low, high = 0.0, 8.0 / (gains.k_v + gains.time_headway * gains.k_p) + 8.0 * tau_max
     while high - low > 1e-7 * high:
         periods = np.linspace(low, high, 33)[1:]
-        lost = np.flatnonzero(~_robust(gains, ends, lags, periods, stale))
+        lost = np.flatnonzero(~_robust(gains, ends, lags, periods, stale=stale, held=held))
         if lost.size == 0:
             return high
         low, high = float(periods[lost[0]] - (high - low) / 32), float(periods[lost[0]])

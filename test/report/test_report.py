@@ -3,6 +3,7 @@
 import html.parser
 import json
 import re
+import sys
 
 import pytest
 
@@ -230,10 +231,14 @@ CHANGED = {
     "controller.k_a": 0.46875,
     "controller.k_v": 0.65625,
     "controller.k_p": 0.015625,
+    "controller.law": "own_parts:law",
     "v2v.rho": 8.0,
     "v2v.noise": "expected",
     "v2v.bit_probabilities": (0.125, 0.8125),
     "v2v.hold": 0.5,
+    "v2v.loss": 0.25,
+    "v2v.reception": "zero",
+    "v2v.channel": "own_parts:channel",
     "leader.profile": "csv",
     "leader.start": 0.75,
     "leader.amplitude": 0.875,
@@ -263,8 +268,25 @@ CHANGED = {
 OWN = {"controller.k_v": 0.71875, "v2v.noise": "bits", "v2v.bit_probabilities": (0.34375, 0.5)}
 
 
-def test_every_parameter_can_be_shown(tmp_path):
+OWN_PARTS = """
+from cacc_platoon.model import ComposedChannel, ContentNoise, IndependentLoss
+
+
+def law(follower):
+    return follower.spacing_policy()
+
+
+def channel(follower):
+    loss = IndependentLoss(follower.v2v.loss, follower.seed, follower.index)
+    return ComposedChannel([ContentNoise(follower.noise()), loss])
+"""
+
+
+def test_every_parameter_can_be_shown(tmp_path, monkeypatch):
     """Through the command and back from the bag, whatever type a value has."""
+    (tmp_path / "own_parts.py").write_text(OWN_PARTS)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [*sys.path])
     output = tmp_path / "run"
     values = {**CHANGED, "record.directory": str(output)}
     assert {n for n in TABLE if n not in values or values[n] == TABLE[n].default} == set()

@@ -1,0 +1,95 @@
+"""What arrived over each link: packet loss, and the age of what a follower knew."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from cacc_platoon.scenario import Follower
+from cacc_platoon.simulation import Arrivals, Trajectory
+from cacc_platoon.simulation.trajectory import Array
+
+SIGNIFICANT = 4.0
+"""Standard deviations by which a link may lose more than its probability says."""
+
+
+class LinkReception(NamedTuple):
+    """What a follower received over one link.
+
+    Attributes
+    ----------
+    follower : int
+        The receiver's index.
+    sent, arrived : int
+        Packets sent by its predecessor, and those that arrived by the end of the run.
+    loss : float
+        Share that did not arrive.
+    loss_probability : float
+        What the scenario says.
+    age_median, age_p99, age_max : float
+        Age of information [s]: how long ago the newest packet that had arrived was sent, over all
+        samples from the first arrival on; NaN when nothing ever arrived.
+    """
+
+    follower: int
+    sent: int
+    arrived: int
+    loss: float
+    loss_probability: float
+    age_median: float
+    age_p99: float
+    age_max: float
+
+    @property
+    def loses_too_much(self) -> bool:
+        """Whether so much loss is not explained by the scenario's probability."""
+        p, n = self.loss_probability, self.sent
+        return self.loss * n > p * n + SIGNIFICANT * math.sqrt(n * p * (1.0 - p)) + 0.5
+
+
+def link_reception(run: Trajectory) -> list[LinkReception]:
+    """Return what arrived over every link, followers 1..N.
+
+    Examples
+    --------
+    >>> from cacc_platoon.scenario import Scenario
+    >>> from cacc_platoon.simulation import simulate
+    >>> link = link_reception(simulate(Scenario.from_values({"run.duration": 1.0})))[0]
+    >>> link.loss, link.age_max
+    (0.0, 0.0)
+    """
+    return [_link(run, follower, column) for column, follower in enumerate(run.scenario.followers)]
+
+
+def information_age(arrivals: Arrivals, samples: int) -> Array:
+    """Return the age of the newest packet at each sample [samples], NaN before the first."""
+    newest = np.full(samples + 1, -1)
+    np.maximum.at(newest, np.minimum(arrivals.sample, samples), arrivals.source)
+    newest = np.maximum.accumulate(newest[:samples])
+    return np.where(newest >= 0, np.arange(samples) - newest, np.nan)
+
+
+def _link(run: Trajectory, follower: Follower, column: int) -> LinkReception:
+    samples = len(run.received)
+    if run.arrivals is None:
+        there = np.isfinite(run.received[:, column])
+        sample = np.flatnonzero(there)
+        arrivals = Arrivals(sample, sample, run.received[sample, column])
+    else:
+        arrivals = run.arrivals[column]
+    age = information_age(arrivals, samples) * run.scenario.run.step
+    known = age[np.isfinite(age)]
+    median, p99, largest = np.quantile(known, (0.5, 0.99, 1.0)) if known.size else [math.nan] * 3
+    arrived = len(arrivals.source)
+    return LinkReception(
+        follower.index,
+        samples,
+        arrived,
+        1.0 - arrived / samples if samples else math.nan,
+        follower.v2v.loss,
+        float(median),
+        float(p99),
+        float(largest),
+    )
