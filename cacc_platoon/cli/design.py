@@ -12,7 +12,7 @@ from cacc_platoon.design.question import Question, answer
 from cacc_platoon.design.requirements import Recommendation, Requirements, paper_design
 from cacc_platoon.model.control import Gains
 from cacc_platoon.model.noise import expected_factor, factor_variance
-from cacc_platoon.report.design_figures import save_gallery
+from cacc_platoon.report.design_figures import save_design_figures
 from cacc_platoon.report.design_terminal import render
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import format_scenario
@@ -85,7 +85,7 @@ def run(args: argparse.Namespace) -> int:
             print("\n" + "\n".join(explanation))
     if args.plot is not None:
         chosen = _chosen(question, found, args.pick)
-        files = save_gallery(
+        files = save_design_figures(
             args.plot,
             chosen,
             question.rho,

@@ -8,6 +8,7 @@ import numpy as np
 
 from cacc_platoon.figures.style import (
     BLUE,
+    FAINT,
     GREY,
     ORANGE,
     Axes,
@@ -68,13 +69,13 @@ def plot_waterfall(axes: Axes, run: Trajectory) -> None:
         base = float(run.scenario.indices[column])
         time, values = reduce(run.time, errors[:, column])
         axes.plot(time, base - 1.6 * distance * values / scale, color=colours[column])
-        axes.axhline(base, color="#d9d9d9", linewidth=0.5, zorder=0)
+        axes.axhline(base, color=FAINT, linewidth=0.5, zorder=0)
     axes.invert_yaxis()
     axes.grid(visible=False, axis="y")
     axes.set_yticks([run.scenario.indices[column] for column in columns[:: -(-len(columns) // 13)]])
     axes.set_xlabel("time [s]")
     axes.set_ylabel("vehicle")
-    axes.set_title(f"two lines apart: {scale / 1.6:.3g} m of error, positive upwards")
+    axes.set_title(f"from line to line: {scale / 1.6:.3g} m of error, positive upwards")
 
 
 def plot_platoon_length(axes: Axes, runs: dict[str, Trajectory]) -> None:

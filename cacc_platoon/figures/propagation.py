@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cacc_platoon.analysis.metrics import Metrics
-from cacc_platoon.figures.style import BLUE, GREY, ORANGE, POINTS, RED, Axes
+from cacc_platoon.figures.style import BLUE, GREY, ORANGE, POINTS, RED, Axes, fill
 from cacc_platoon.simulation import Ensemble, Trajectory
 
 
@@ -13,13 +13,11 @@ def plot_peaks(
     axes: Axes, measured: Metrics, expected: Metrics, ensemble: Ensemble | None = None
 ) -> None:
     """Draw max|delta_i| over the vehicles: the run, its expectation, and many noisy runs."""
-    index = [link.follower for link in measured.noise]
+    index = np.array([link.follower for link in measured.noise])
     if ensemble is not None:
         peaks = ensemble.max_abs_spacing_error
         label = f"{ensemble.runs} noisy runs, smallest to largest"
-        axes.fill_between(
-            index, peaks.min(axis=0), peaks.max(axis=0), color=BLUE, alpha=0.18, label=label
-        )
+        fill(axes, index, peaks.min(axis=0), peaks.max(axis=0), label=label)
     axes.plot(
         index, measured.max_abs_spacing_error, "o", color=BLUE, markersize=4, label="this run"
     )
@@ -48,7 +46,7 @@ def plot_ensemble(
     for axes, column in ((first, 0), (last, ensemble.mean.shape[1] - 1)):
         base = expectation.spacing_error[rows, column]
         low, high = (side[rows, column] - base for side in (ensemble.low, ensemble.high))
-        axes.fill_between(time, low, high, color=BLUE, alpha=0.2, label=f"{ensemble.runs} runs")
+        fill(axes, time, low, high, label=f"{ensemble.runs} runs")
         own = run.spacing_error[rows, column] - base
         axes.plot(time, own, color=GREY, linewidth=0.7, label="this run")
         mean = ensemble.mean[rows, column] - base

@@ -1,4 +1,4 @@
-"""How every figure looks: one palette that colour-blind readers can tell apart, SVG output."""
+"""How every figure looks: one palette that colour-blind readers can tell apart, SVG and PNG."""
 
 from __future__ import annotations
 
@@ -17,11 +17,14 @@ from cacc_platoon.simulation.trajectory import Array
 Axes: TypeAlias = Any
 """matplotlib's Axes; its import waits until something is drawn."""
 
-BLUE, ORANGE, GREEN, RED, PURPLE, GREY = (
-    *("#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7"),
-    "#595959",
-)
-"""Okabe and Ito's palette, and a grey."""
+BLUE, ORANGE, GREEN, RED, PURPLE = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7")
+"""Okabe and Ito's palette, told apart with every kind of colour vision."""
+
+INK, GREY, FAINT = "#202020", "#595959", "#d9d9d9"
+"""For points and axes, for what stands back, for grids."""
+
+LINES = ((BLUE, "-"), (RED, "--"), (GREEN, "-."), (PURPLE, ":"), (INK, "-"))
+"""Curves of one kind: each differs from the others in its line, too."""
 
 WIDTH = 5.4
 """Width of one column [inch]: its letters are still legible on a phone."""
@@ -29,9 +32,13 @@ WIDTH = 5.4
 POINTS = 600
 """Bins into which long signals are reduced before they are drawn."""
 
+PIXELS_PER_INCH = 140
+"""Of a figure that is saved as PNG."""
+
 _DECIMALS = re.compile(r"(\.\d\d)\d+")
 
 _RC = {
+    "axes.axisbelow": True,
     "axes.edgecolor": "#404040",
     "axes.grid": True,
     "axes.labelsize": 10,
@@ -42,7 +49,7 @@ _RC = {
     "figure.constrained_layout.use": True,
     "font.family": "sans-serif",
     "font.size": 10,
-    "grid.color": "#d9d9d9",
+    "grid.color": FAINT,
     "grid.linewidth": 0.6,
     "legend.fontsize": 8.5,
     "legend.frameon": False,
@@ -76,16 +83,31 @@ def draw_svg(
     height : float, optional
         Height [inch]; the width of one column is `WIDTH`.
     """
-    from matplotlib.backends.backend_svg import FigureCanvasSVG  # noqa: PLC0415
+    buffer = io.StringIO()
+    with styled(name):
+        _figure(draw, rows, height, columns).savefig(buffer, format="svg")
+    return _inline(buffer.getvalue(), name)
+
+
+def draw_png(
+    name: str, draw: Callable[..., None], rows: int = 1, height: float = 3.1, columns: int = 1
+) -> bytes:
+    """Return the figure that `draw_svg` returns, as PNG."""
+    buffer = io.BytesIO()
+    with styled(name):
+        figure = _figure(draw, rows, height, columns)
+        figure.savefig(buffer, format="png", dpi=PIXELS_PER_INCH)
+    return buffer.getvalue()
+
+
+def _figure(draw: Callable[..., None], rows: int, height: float, columns: int) -> Any:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415
     from matplotlib.figure import Figure  # noqa: PLC0415
 
-    with styled(name):
-        figure = Figure(figsize=(WIDTH * columns, height))
-        FigureCanvasSVG(figure)
-        draw(*figure.subplots(rows, columns, squeeze=False).flat)
-        buffer = io.StringIO()
-        figure.savefig(buffer, format="svg")
-    return _inline(buffer.getvalue(), name)
+    figure = Figure(figsize=(WIDTH * columns, height))
+    FigureCanvasAgg(figure)
+    draw(*figure.subplots(rows, columns, squeeze=False).flat)
+    return figure
 
 
 def _inline(svg: str, name: str) -> str:
@@ -104,6 +126,13 @@ def _inline(svg: str, name: str) -> str:
 def standalone(svg: str) -> str:
     """Return an inline SVG as a file of its own."""
     return svg.replace("<svg", '<svg xmlns="http://www.w3.org/2000/svg"', 1)
+
+
+def fill(
+    axes: Axes, x: Array, low: Array, high: Array, *, color: str = BLUE, label: str | None = None
+) -> None:
+    """Draw the band between two curves, as light as every band."""
+    axes.fill_between(x, low, high, color=color, alpha=0.2, linewidth=0.0, label=label)
 
 
 def reduce(time: Array, values: Array, points: int = POINTS) -> tuple[Array, Array]:

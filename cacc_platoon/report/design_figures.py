@@ -1,36 +1,36 @@
-"""All pictures of one design question, saved as SVG and PNG."""
+"""The pictures of one design question, saved as SVG and PNG."""
 
 from __future__ import annotations
 
-from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from cacc_platoon.figures import design as figures
-from cacc_platoon.theory.curves import (
-    bound_curves,
-    headway_over_snr,
-    response_band,
-    slope_curve,
+from cacc_platoon.figures.admissible_noise import plot_noise_regions
+from cacc_platoon.figures.frequency_response import plot_response
+from cacc_platoon.figures.gain_region import plot_regions
+from cacc_platoon.figures.headway_bounds import (
+    plot_headway_bounds,
+    plot_headway_over_snr,
+    plot_slope,
 )
-from cacc_platoon.theory.errors import DesignError
-from cacc_platoon.theory.region import exact_region
-from cacc_platoon.theory.theorem2 import paper_region
+from cacc_platoon.figures.pareto_front import plot_pareto_front
+from cacc_platoon.figures.picture import Picture
+from cacc_platoon.theory import DesignError, exact_region, paper_region
+from cacc_platoon.theory.headway_curves import bound_curves, headway_over_snr, slope_curve
+from cacc_platoon.theory.response_band import response_band
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
+    from cacc_platoon.design import Recommendation
+    from cacc_platoon.figures.style import Axes
+    from cacc_platoon.model import Gains
 
-    from cacc_platoon.design.requirements import Recommendation
-    from cacc_platoon.model.control import Gains
-
-__all__ = ["save_gallery"]
+__all__ = ["save_design_figures"]
 
 _RHOS = (2.0, 5.0, 20.0, 1000.0)
 
 
-def save_gallery(
+def save_design_figures(
     folder: Path,
     gains: Gains,
     rho: float,
@@ -64,71 +64,94 @@ def save_gallery(
     DesignError
         If the folder cannot be written or matplotlib is not installed.
     """
-    written: list[Path] = []
-    with _page(folder, "feasible_regions", written, columns=2) as axes:
-        paper = paper_region(gains.k_a, gains.time_headway, rho, tau_max)
-        exact = exact_region(gains.k_a, gains.time_headway, rho, tau_max)
-        for panel, limit in zip(axes, _k_p_limits(paper.polygon, gains, exact), strict=True):
-            figures.plot_regions(panel, paper, exact, gains, limit)
-    with _page(folder, "frequency_response", written, columns=2) as axes:
-        band = response_band(gains, rho, tau_max, k_effective=k_effective)
-        figures.plot_response(axes[0], band)
-        figures.plot_response(axes[1], band, close=True)
-    with _page(folder, "headway_slope", written) as axes:
-        figures.plot_slope(axes[0], slope_curve(rho))
-    with _page(folder, "headway_bounds", written) as axes:
-        rhos = sorted({*_RHOS, rho}) if rho < 1e6 else _RHOS
-        figures.plot_headway_bounds(axes[0], bound_curves(rhos, tau_max))
-    with _page(folder, "headway_over_snr", written) as axes:
-        figures.plot_headway_over_snr(axes[0], headway_over_snr(tau_max))
-    with _page(folder, "noise_regions", written, columns=2) as axes:
-        figures.plot_noise_regions(axes[0], axes[1], rho)
-    if recommendation is not None:
-        with _page(folder, "pareto_front", written) as axes:
-            cap = 3.0 * tau_max
-            mappable = figures.plot_pareto_front(
-                axes[0], recommendation.front, recommendation.designs, cap
-            )
-            axes[0].figure.colorbar(mappable, label="L-infinity gain [-]")
-    return written
-
-
-def _k_p_limits(
-    polygon: tuple[tuple[float, float], ...], gains: Gains, exact: Any
-) -> tuple[float, float]:
-    """Choose a close view, around S or the operating point, and a wide one."""
-    near = max([gains.k_p, *(k_p for k_p, _ in polygon)]) * 1.4
-    wide = max(8.0 * near, 1.0 / exact.tau_max**2)
-    return near, max(wide, 2.0 * exact.k_p_min if exact.nonempty else 0.0)
-
-
-@contextmanager
-def _page(folder: Path, name: str, written: list[Path], columns: int = 1) -> Iterator[Any]:
-    """Yield a row of axes, then save the page as SVG and PNG, the same bytes every time."""
+    pictures = [
+        *_stability_pictures(gains, rho, tau_max, k_effective),
+        *_headway_pictures(rho, tau_max),
+        *_pareto_pictures(recommendation),
+    ]
     try:
-        from matplotlib import rc_context  # noqa: PLC0415
-        from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415
-        from matplotlib.figure import Figure  # noqa: PLC0415
+        folder.mkdir(parents=True, exist_ok=True)
+        return [path for picture in pictures for path in picture.save(folder)]
     except ImportError as error:
         raise DesignError(
             "matplotlib is not installed: no picture can be drawn. Install it or leave the "
             "pictures out."
         ) from error
-    with rc_context({"svg.hashsalt": "cacc_platoon", "svg.fonttype": "none"}):
-        figure = Figure(figsize=(6.0 * columns, 4.2), layout="constrained")
-        FigureCanvasAgg(figure)
-        axes = np.atleast_1d(figure.subplots(1, columns))
-        for panel in axes:
-            panel.grid(alpha=0.3)
-        yield axes
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            for suffix, metadata in ((".svg", {"Date": None}), (".png", None)):
-                path = folder / f"{name}{suffix}"
-                figure.savefig(path, dpi=140, metadata=metadata)
-                written.append(path)
-        except OSError as error:
-            raise DesignError(
-                f"{folder} cannot be written ({error.strerror}): the pictures are lost. Choose "
-                "another folder."
-            ) from error
+    except OSError as error:
+        raise DesignError(
+            f"{folder} cannot be written ({error.strerror}): the pictures are lost. Choose "
+            "another folder."
+        ) from error
+
+
+def _stability_pictures(
+    gains: Gains, rho: float, tau_max: float, k_effective: float | None
+) -> Iterator[Picture]:
+    paper = paper_region(gains.k_a, gains.time_headway, rho, tau_max)
+    exact = exact_region(gains.k_a, gains.time_headway, rho, tau_max)
+    band = response_band(gains, rho, tau_max, k_effective=k_effective)
+
+    def draw_regions(near: Axes, far: Axes) -> None:
+        plot_regions(near, paper, exact, gains)
+        plot_regions(far, paper, exact, gains, wide=True)
+
+    yield Picture(
+        "feasible_regions",
+        "Feasible gains",
+        "Gains that are string stable, exactly and by the paper, from near and from afar.",
+        draw_regions,
+        height=3.8,
+        columns=2,
+    )
+    yield Picture(
+        "frequency_response",
+        "Propagation |H(jw)|",
+        "From one vehicle to the next, and close to 1.",
+        lambda far, close: plot_response(far, close, band),
+        height=3.8,
+        columns=2,
+    )
+    yield Picture(
+        "noise_regions",
+        "Admissible communicated acceleration",
+        "Over the acceleration sent, and over time.",
+        lambda plane, time: plot_noise_regions(plane, time, rho),
+        height=3.8,
+        columns=2,
+    )
+
+
+def _headway_pictures(rho: float, tau_max: float) -> Iterator[Picture]:
+    yield Picture(
+        "headway_slope",
+        "f(k_a)",
+        "Its smaller root is k_a*, where the headway bound is least.",
+        lambda axes: plot_slope(axes, slope_curve(rho)),
+        height=3.8,
+    )
+    rhos = sorted({*_RHOS, rho}) if rho < 1e6 else _RHOS
+    yield Picture(
+        "headway_bounds",
+        "Headway over k_a",
+        "The paper's bound and the exact minimum for several SNR.",
+        lambda axes: plot_headway_bounds(axes, bound_curves(rhos, tau_max)),
+        height=3.8,
+    )
+    yield Picture(
+        "headway_over_snr",
+        "Headway over SNR",
+        "The paper's least bound, the exact minimum, and the infimum.",
+        lambda axes: plot_headway_over_snr(axes, headway_over_snr(tau_max)),
+        height=3.8,
+    )
+
+
+def _pareto_pictures(found: Recommendation | None) -> Iterator[Picture]:
+    if found is not None:
+        yield Picture(
+            "pareto_front",
+            "Pareto set",
+            "What a shorter headway costs.",
+            lambda axes: plot_pareto_front(axes, found.front, found.designs, 3.0 * found.tau_max),
+            height=4.2,
+        )

@@ -6,11 +6,11 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from cacc_platoon.figures import channel, motion, propagation
-from cacc_platoon.figures.design import plot_regions, plot_response
+from cacc_platoon.figures.frequency_response import plot_response
+from cacc_platoon.figures.gain_region import plot_regions
 from cacc_platoon.figures.picture import Picture
-from cacc_platoon.figures.style import Axes
 from cacc_platoon.theory import exact_region, k_a_max, paper_region
-from cacc_platoon.theory.curves import ResponseBand, response_band
+from cacc_platoon.theory.response_band import response_band
 
 if TYPE_CHECKING:
     from cacc_platoon.analysis.analyse import Report
@@ -114,11 +114,6 @@ def _channel_pictures(report: Report) -> Iterator[Picture]:
     )
 
 
-def _plot_both(far: Axes, close: Axes, band: ResponseBand) -> None:
-    plot_response(far, band)
-    plot_response(close, band, close=True)
-
-
 def _design_pictures(report: Report) -> Iterator[Picture]:
     weakest = report.verdict.weakest
     if not weakest.decided:
@@ -134,19 +129,18 @@ def _design_pictures(report: Report) -> Iterator[Picture]:
             "Propagation |H(jw)|",
             "From one vehicle to the next, and close to 1. String stable (L2) means that the "
             "whole band stays at or below 1.",
-            lambda far, close: _plot_both(far, close, band),
+            lambda far, close: plot_response(far, close, band),
             rows=2,
             height=5.6,
         )
     if 0 < gains.k_a < k_a_max(rho):
         paper = paper_region(gains.k_a, gains.time_headway, rho, tau_max)
         exact = exact_region(gains.k_a, gains.time_headway, rho, tau_max)
-        limit = 1.4 * max([gains.k_p, *(k_p for k_p, _ in paper.polygon)])
         yield Picture(
             "region",
             "Feasible gains",
             "Gains that are string stable for this headway, SNR and lag: exactly, and by the "
             "paper's sufficient conditions.",
-            lambda axes: plot_regions(axes, paper, exact, gains, limit),
+            lambda axes: plot_regions(axes, paper, exact, gains),
             height=3.8,
         )

@@ -6,18 +6,17 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from cacc_platoon.figures import admissible_noise, channel, motion, propagation
-from cacc_platoon.figures.design import (
-    plot_regions,
-    plot_response,
-    plot_slope,
-)
+from cacc_platoon.figures.frequency_response import plot_response
+from cacc_platoon.figures.gain_region import plot_regions
+from cacc_platoon.figures.headway_bounds import plot_slope
 from cacc_platoon.figures.picture import Picture
 from cacc_platoon.figures.style import Axes
 from cacc_platoon.model import Gains
 from cacc_platoon.reproduction.cases import CASES, RHO, TAU_0, Case
 from cacc_platoon.simulation import Trajectory
 from cacc_platoon.theory import exact_region, paper_region
-from cacc_platoon.theory.curves import ResponseBand, response_band, slope_curve
+from cacc_platoon.theory.headway_curves import slope_curve
+from cacc_platoon.theory.response_band import response_band
 
 if TYPE_CHECKING:
     from cacc_platoon.analysis.analyse import Report
@@ -97,12 +96,11 @@ def _region(case: Case) -> Picture:
     gains = _gains(case)
     paper = paper_region(case.k_a, case.time_headway, RHO, TAU_0)
     exact = exact_region(case.k_a, case.time_headway, RHO, TAU_0)
-    limit = 1.4 * max([case.k_p, *(k_p for k_p, _ in paper.polygon)])
     return Picture(
         f"region_{case.name.lower()}",
         f"Feasible region of k_p and k_v, case {case.name}",
         "The paper's S and, around it, everything that is robustly string stable.",
-        lambda axes: plot_regions(axes, paper, exact, gains, limit),
+        lambda axes: plot_regions(axes, paper, exact, gains),
         height=3.8,
     )
 
@@ -115,15 +113,10 @@ def _response(case: Case, report: Report) -> Picture:
         f"|H(jw)| at h_w = {case.time_headway:g} s, case {case.name}",
         "The paper draws the line; the band is every lag and mean noise it allows. Below: close "
         "to 1.",
-        lambda far, close: _plot_both(far, close, band),
+        lambda far, close: plot_response(far, close, band),
         rows=2,
         height=5.6,
     )
-
-
-def _plot_both(far: Axes, close: Axes, band: ResponseBand) -> None:
-    plot_response(far, band)
-    plot_response(close, band, close=True)
 
 
 def _errors(case: Case, report: Report) -> Picture:

@@ -12,11 +12,13 @@ from cacc_platoon.analysis import (
     judge,
     warn_if_not_string_stable,
 )
+from cacc_platoon.design import Requirements, assess
 from cacc_platoon.report import metrics_document
+from cacc_platoon.report.metrics_json import verdict_document as metrics_of
 from cacc_platoon.reproduction.cases import CASES, case_scenario
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.simulation import simulate
-from cacc_platoon.theory import exact_region
+from cacc_platoon.theory import certify, exact_region
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
@@ -140,6 +142,32 @@ def test_no_ensemble_where_nothing_is_random(bags, tmp_path):
     assert report.measured.max_abs_spacing_error.tolist() == (
         report.expected.max_abs_spacing_error.tolist()
     )
+
+
+def test_verdict_and_design_read_the_same_certificate():
+    scenario = case_scenario(CASES[0])
+    gains, rho = scenario.followers[0].gains, scenario.v2v.rho
+    own = judge(scenario).weakest.certificate
+    assert own == certify(gains, rho, scenario.vehicle.tau_max, period=scenario.run.step)
+    assert own == assess(gains, rho, scenario.vehicle.tau_max).certificate
+    assert Requirements(max_linf=1.03).unmet(own) == ("L-infinity gain 1.03956 is above 1.03",)
+
+
+def test_equal_followers_share_one_certificate():
+    own = {2: {"controller.k_v": 0.7}}
+    followers = judge(Scenario.from_values({"platoon.followers": 50}, own)).followers
+    assert len({id(one.certificate) for one in followers}) == 2
+    assert followers[1].certificate.gains.k_v == 0.7
+
+
+def test_reason_of_a_follower_is_the_condition_of_its_failure():
+    verdict = judge(Scenario.from_values({}, {3: {"controller.k_v": 0.5}}))
+    assert verdict.weakest.reason == "k_v = 0.5 1/s is below 0.627304"
+    assert metrics_of(verdict)["per_follower"][2]["reason"] == verdict.weakest.reason
+    assert metrics_of(verdict)["per_follower"][2]["decided"]
+    warning = warn_if_not_string_stable(Scenario.from_values({"controller.k_v": 0.5}))
+    assert "C = -0.002177 < 0 at k_a E[w] = 0.4" in warning
+    assert "Raise k_v into [0.627304, 0.701188]" in warning
 
 
 def test_what_overflows_is_never_certified():

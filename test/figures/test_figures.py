@@ -1,11 +1,15 @@
 """Figures show what the records hold."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
 from cacc_platoon.analysis import compute_metrics
 from cacc_platoon.figures import channel, motion, propagation, style
+from cacc_platoon.figures.picture import Picture
 from cacc_platoon.simulation import monte_carlo, simulate
 
 
@@ -87,6 +91,21 @@ def test_svg_stands_alone_and_is_the_same_every_time():
     assert one == two
     assert "http" not in one
     assert 'aria-label="a &lt;test&gt;"' in one
+
+
+def test_one_file_says_how_figures_look():
+    package = Path(style.__file__).parents[1]
+    told = re.compile(r"#[0-9a-fA-F]{6}\b|rcParams|rc_context|FigureCanvas")
+    files = [path for path in package.rglob("*.py") if told.search(path.read_text())]
+    assert files == [Path(style.__file__)]
+
+
+def test_png_and_svg_show_the_same(tmp_path):
+    picture = Picture("one", "One", "A line.", lambda axes: axes.plot([0, 1]), height=2.0)
+    svg, png = picture.save(tmp_path)
+    assert svg.read_text() == style.standalone(picture.svg())
+    width, height = np.frombuffer(png.read_bytes()[16:24], ">u4")  # of the PNG header
+    assert (width, height) == (style.WIDTH * style.PIXELS_PER_INCH, 2 * style.PIXELS_PER_INCH)
 
 
 def test_colours_can_be_told_apart_by_lightness():

@@ -1,4 +1,4 @@
-"""What the pictures show, computed: records of arrays without any drawing."""
+"""Headway bounds over the gain and the SNR, as records of arrays to look at."""
 
 from __future__ import annotations
 
@@ -6,17 +6,15 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from cacc_platoon.theory.noise_interval import effective_interval, k_a_max, rho_from_snr_db
+from cacc_platoon.theory.noise_interval import k_a_max, rho_from_snr_db
 from cacc_platoon.theory.region import infimum_headway, minimum_headway
 from cacc_platoon.theory.theorem2 import headway_bound, headway_slope, headway_slope_roots, optimum
-from cacc_platoon.theory.transfer import frequency_response, poles
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from cacc_platoon.model.control import Gains
     from cacc_platoon.theory.theorem2 import Optimum
 
     Float = NDArray[np.float64]
@@ -24,60 +22,11 @@ if TYPE_CHECKING:
 __all__ = [
     "BoundCurve",
     "HeadwayOverSnr",
-    "ResponseBand",
     "SlopeCurve",
     "bound_curves",
     "headway_over_snr",
-    "response_band",
     "slope_curve",
 ]
-
-
-class ResponseBand(NamedTuple):
-    """``|H(j omega)|`` of one design under all its uncertainty.
-
-    Attributes
-    ----------
-    omega : ndarray, shape (n,)
-        Frequencies [rad/s].
-    low, high : ndarray, shape (n,)
-        Least and largest magnitude over I and the lags.
-    nominal : ndarray, shape (n,)
-        Magnitude at `k_effective` and the largest lag.
-    k_effective : float
-        Effective gain of the nominal curve.
-    """
-
-    omega: Float
-    low: Float
-    high: Float
-    nominal: Float
-    k_effective: float
-
-
-def response_band(
-    gains: Gains, rho: float, tau_max: float, *, k_effective: float | None = None
-) -> ResponseBand:
-    """Compute `ResponseBand`; the nominal curve has ``E[w] = 1`` unless told otherwise.
-
-    Examples
-    --------
-    >>> from cacc_platoon.model.control import Gains
-    >>> band = response_band(Gains(0.95, 0.5, 0.63, 0.009), 5.0, 0.5)
-    >>> bool((band.low <= band.nominal).all() and (band.nominal <= band.high).all())
-    True
-    """
-    nominal = gains.k_a if k_effective is None else k_effective
-    rates = np.abs(poles(gains, tau_max))
-    omega = np.geomspace(0.03 * float(np.min(rates)), 10.0 * float(np.max(rates)), 600)
-    low, high = effective_interval(gains.k_a, rho)
-    curve = np.abs(frequency_response(gains, tau_max, nominal, omega))
-    least, most = curve, curve
-    for tau in tau_max * np.linspace(0.02, 1.0, 12):
-        for k in np.linspace(low, high, 9):
-            magnitude = np.abs(frequency_response(gains, float(tau), float(k), omega))
-            least, most = np.minimum(least, magnitude), np.maximum(most, magnitude)
-    return ResponseBand(omega, least, most, curve, nominal)
 
 
 class SlopeCurve(NamedTuple):
