@@ -21,7 +21,7 @@ help: ## this list
 
 setup: $(STAMP) ## build .venv with everything the package and its tests need
 
-$(STAMP): setup.py tools/find_python Makefile $(STALE)
+$(STAMP): setup.py pyproject.toml tools/find_python Makefile $(STALE)
 	@set -e; rm -f $@; \
 	if [ -n "$(STALE)" ]; then \
 	  python="$$(tools/find_python $(PYTHON))"; \
