@@ -1,4 +1,8 @@
-"""What the pictures show, computed: records of arrays without any drawing."""
+"""What the pictures show, computed: records of arrays without any drawing.
+
+The bounds are those of docs/theory.md, section 2 (The paper's theorem, and its slips), and of
+docs/theory.md, section 4 (The exact region and the exact minimum headway).
+"""
 
 from __future__ import annotations
 

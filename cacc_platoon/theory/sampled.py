@@ -9,7 +9,7 @@ In the delta operator ``d = (z - 1)/T`` the hop is ``H_T = N_T(d)/D_T(d)``; as T
 with ``q`` of degree 2, or 3 when the communicated acceleration is one step old. The hop is string
 stable iff ``q >= 0`` on ``(0, 4/T^2]`` and the roots of ``D_T`` are in the unit disc.
 The worst ``k`` is an end of I, since ``|N_T|^2`` is convex in ``k``; the worst lag is searched on
-a grid over ``[0, tau_0]``: that part is numerical.
+a grid over ``[0, tau_0]``: that part is numerical (docs/theory.md, section 6 (Sampling)).
 """
 
 from __future__ import annotations

@@ -30,7 +30,7 @@ def test_published_cases(case):
 
 
 def test_both_definitions_are_named_and_differ():
-    """docs/theory.md, section 1: A is L2 string stable, yet its L-infinity gain is 1.0396."""
+    """docs/theory.md, section 5 (Two gains): A is L2 string stable, yet its L-infinity gain is 1.0396."""
     verdict = judge(case_scenario(CASES[0]))
     assert verdict.weakest.l2_gain == 1.0
     assert verdict.weakest.linf_gain == pytest.approx(1.0396, abs=5e-5)
@@ -83,7 +83,7 @@ def test_mixed_platoon_is_certified_on_accelerations():
 
 
 def test_a_period_that_is_too_long_voids_the_certificate():
-    """docs/theory.md, section 3: A loses robust string stability at T = 95.9 ms."""
+    """docs/theory.md, section 6 (Sampling): A loses robust string stability at T = 95.9 ms."""
     settings = {"run.step": 0.1, "run.duration": 20.0}
     verdict = judge(case_scenario(CASES[0], settings))
     assert verdict.string_stable
@@ -127,7 +127,7 @@ def test_certificate_is_void_where_a_vehicle_had_other_gains(bags, tmp_path, sce
 
 
 def test_expectation_run_is_the_mean_of_noisy_runs(whole_run):
-    """docs/theory.md, section 1: within 4 standard errors at every vehicle and time."""
+    """docs/theory.md, section 1 (Setting): within 4 standard errors at every vehicle and time."""
     report = analyse(whole_run, runs=400)
     assert metrics_document(report)["ensemble"]["max_standard_errors_from_expectation"] < 4.0
     assert metrics_document(report)["ensemble"]["runs"] == 400

@@ -55,8 +55,9 @@ def test_the_published_platoon_lengths(case):
 
 
 def test_a_vanishing_step_gives_the_figures_of_the_continuous_law():
-    # theory: case A under the continuous law has max|delta_1| = 1.595944 and max|delta_12| =
-    # 1.543560 m, and a peak length of 436.718 m; two steps extrapolated to zero lead there
+    # docs/theory.md, section 1 (Setting): case A under the continuous law has max|delta_1| =
+    # 1.595944 and max|delta_12| = 1.543560 m, and a largest length of 436.718 m; two steps
+    # extrapolated to zero lead there
     values = load_scenario(CONFIG / "paper_a.yaml").values()
     figures = []
     for step in (0.01, 0.005):
