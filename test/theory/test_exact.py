@@ -1,6 +1,7 @@
 """The exact test and both gains, against brute force, python-control and simulation."""
 
 import math
+import time
 import timeit
 
 import control
@@ -306,14 +307,13 @@ def test_maps_broadcast():
     assert found.tolist() == expected
 
 
+def cpu_time(call, number=1):
+    """Return the CPU time of a call [s], that other processes lengthen little: the least of 5."""
+    return min(timeit.repeat(call, number=number, repeat=5, timer=time.process_time)) / number
+
+
 def test_speed():
-    scalar = min(timeit.repeat(lambda: is_robustly_string_stable(A, 5, 0.5), number=200, repeat=5))
-    assert scalar / 200 < 1e-4
+    assert cpu_time(lambda: is_robustly_string_stable(A, 5, 0.5), number=200) < 1e-4
     k_p, k_v = np.linspace(0, 1, 500)[:, np.newaxis], np.linspace(0, 1, 500)
-    gain_map = timeit.repeat(
-        lambda: robust_string_stability_map(0.5, 0.95, k_v, k_p, rho=5, tau_max=0.5),
-        number=1,
-        repeat=5,
-    )
-    assert min(gain_map) < 0.1
-    assert min(timeit.repeat(lambda: certify(A, 5, 0.5).parts(), number=1, repeat=5)) < 0.15
+    assert cpu_time(lambda: robust_string_stability_map(0.5, 0.95, k_v, k_p, rho=5, tau_max=0.5)) < 0.1
+    assert cpu_time(lambda: certify(A, 5, 0.5).parts()) < 0.15
