@@ -68,7 +68,7 @@ def project(requirement: str) -> str:
 
 
 def depends(kind: str) -> set[str]:
-    return {element.text for element in MANIFEST.findall(kind)}
+    return {str(element.text) for element in MANIFEST.findall(kind)}
 
 
 def test_the_version_is_one(setup_arguments):

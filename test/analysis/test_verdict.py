@@ -19,6 +19,12 @@ from cacc_platoon.simulation import simulate
 from cacc_platoon.theory import exact_region
 
 
+def warning_of(scenario: Scenario) -> str:
+    warning = warn_if_not_string_stable(scenario)
+    assert warning is not None
+    return warning
+
+
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 def test_published_cases(case):
     verdict = judge(case_scenario(case))
@@ -30,7 +36,7 @@ def test_published_cases(case):
 
 
 def test_both_definitions_are_named_and_differ():
-    """docs/theory.md, section 5 (Two gains): A is L2 string stable, yet its L-infinity gain is 1.0396."""
+    """docs/theory.md, section 5 (Two gains): L2 stable, L-infinity gain 1.0396."""
     verdict = judge(case_scenario(CASES[0]))
     assert verdict.weakest.l2_gain == 1.0
     assert verdict.weakest.linf_gain == pytest.approx(1.0396, abs=5e-5)
@@ -77,7 +83,7 @@ def test_mixed_platoon_is_certified_on_accelerations():
     assert verdict.weakest.follower == 5
     assert "a_i = H_i a_{i-1}" in verdict.basis
     assert [one.follower for one in verdict.followers if not one.string_stable] == [5]
-    warning = warn_if_not_string_stable(scenario)
+    warning = warning_of(scenario)
     assert "vehicle 5" in warning
     assert "0.714286 s" in warning
 
@@ -90,13 +96,13 @@ def test_a_period_that_is_too_long_voids_the_certificate():
     assert not verdict.certified
     assert "sampled every 0.1 s" in verdict.void[0]
     assert "0.09587 s" in verdict.void[0]
-    assert "Lower run.step" in warn_if_not_string_stable(case_scenario(CASES[0], settings))
+    assert "Lower run.step" in warning_of(case_scenario(CASES[0], settings))
     assert judge(case_scenario(CASES[0], {**settings, "run.step": 0.08})).certified
 
 
 def test_warning_is_one_line_and_only_where_due():
     assert warn_if_not_string_stable(case_scenario(CASES[0])) is None
-    warning = warn_if_not_string_stable(case_scenario(CASES[1]))
+    warning = warning_of(case_scenario(CASES[1]))
     assert "\n" not in warning
     assert "time_headway = 0.65 s is below 0.714286 s" in warning
     assert "sup|H| = 1.0035" in warning
@@ -158,4 +164,4 @@ def test_a_follower_that_fails_outweighs_one_that_is_undecided():
     assert verdict.headline == "NOT STRING STABLE"
     assert verdict.weakest.follower == 4
     assert np.isnan(verdict.linf_gain)
-    assert "vehicle 4" in warn_if_not_string_stable(scenario)
+    assert "vehicle 4" in warning_of(scenario)

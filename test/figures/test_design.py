@@ -71,7 +71,7 @@ def test_the_picture_shows_the_numbers():
     axes = figure.subplots()
     band = response_band(A._replace(time_headway=0.65), 5.0, 0.5, k_effective=0.524086844)
     draw.plot_response(axes, band)
-    curve = axes.lines[0].get_ydata()
+    curve = np.asarray(axes.lines[0].get_ydata())
     assert np.max(curve) == pytest.approx(1.001163718, abs=1e-6)
     assert np.max(band.high) == pytest.approx(1.0034999, abs=1e-5)
     low, high = axes.get_ylim()
