@@ -61,7 +61,7 @@ def wrong_references(text: str, theory: Theory) -> list[str]:
         if theorem and theory.theorems.get(theorem[1]) == theorem[2]:
             continue
         wrong.append(f"docs/theory.md{rest}")
-    for number, rest in re.findall(r"[Ee]quation \((\d+)\)(.{,40})", text):
+    for number, rest in re.findall(r"(?i:equation) \((\d+)\)(.{,40})", text):
         name = theory.equations.get(number)
         if name is None or not rest.startswith((f", {name}", f" ({name})")):
             wrong.append(f"equation ({number}){rest}")
