@@ -12,7 +12,7 @@ DEMO := runs/demo
 
 OLDEST := .venv-oldest
 OLDEST_STAMP := $(OLDEST)/made_in
-OLDEST_PYTHON := python3.11
+OLDEST_PYTHON := 3.11
 ONE_RUN := test/system/test_reproducibility.py::test_number_of_processes_does_not_matter[2]
 
 # A virtual environment does not survive a moved folder or a removed interpreter.
