@@ -94,6 +94,18 @@ def test_the_core_needs_numpy_alone(room):
     assert answer.returncode == 0, answer.stderr
 
 
+def test_tests_marked_unit_need_no_ros(pytestconfig):
+    """Decided by what a file imports, here by importing it."""
+    conftest = pytestconfig.pluginmanager.get_plugin(str(ROOT / "test" / "conftest.py"))
+    files = [
+        path for path in (ROOT / "test").rglob("test_*.py") if conftest.kind_of(path) == "unit"
+    ]
+    assert len(files) > 20
+    program = "import runpy\nfor name in sys.argv[1:]: runpy.run_path(name)"
+    answer = run_without(program, *map(str, files))
+    assert answer.returncode == 0, answer.stderr
+
+
 def test_help_of_the_command_and_of_every_verb():
     answer = platoon("--help")
     assert answer.returncode == 0, answer.stderr
