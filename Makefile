@@ -47,8 +47,8 @@ paper: setup ## repeat the paper: its three cases on ROS 2 nodes, every figure, 
 	$(BIN)/platoon paper
 
 test: lint ## check the style and types, then run every test
-	$(BIN)/python -m pytest -m unit -n auto
-	$(BIN)/python -m pytest -m "not unit"
+	$(BIN)/python -m pytest -m "unit or report" -n auto
+	$(BIN)/python -m pytest -m "ros or system"
 
 test-quick: setup ## run the unit tests alone: no processes, no DDS, under a minute
 	$(BIN)/python -m pytest -m unit -n auto --hypothesis-profile quick
