@@ -1,13 +1,19 @@
-# One virtual environment, .venv, with the package (editable), ROS 2 Jazzy and all test tools.
-# PYTHON=/path/to/python chooses the interpreter; otherwise tools/find_python looks for one.
+# One virtual environment, .venv, with the package (editable), ROS 2 Jazzy and all test tools; for
+# test-oldest a second one. PYTHON=/path/to/python chooses the interpreter; otherwise
+# tools/find_python looks for one.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup demo paper test lint clean FORCE
+.PHONY: help setup demo paper test test-quick test-oldest coverage lint clean FORCE
 
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/made_in
 DEMO := runs/demo
+
+OLDEST := .venv-oldest
+OLDEST_STAMP := $(OLDEST)/made_in
+OLDEST_PYTHON := 3.11
+ONE_RUN := test/system/test_reproducibility.py::test_number_of_processes_does_not_matter[2]
 
 # A virtual environment does not survive a moved folder or a removed interpreter.
 ifneq ($(file <$(STAMP)),$(CURDIR))
@@ -17,11 +23,11 @@ STALE := FORCE
 endif
 
 help: ## this list
-	@sed -n 's/^\([a-z]*\):.*## /  make \1	/p' $(MAKEFILE_LIST)
+	@sed -n 's/^\([a-z-]*\):.*## /  make \1	/p' $(MAKEFILE_LIST)
 
 setup: $(STAMP) ## build .venv with everything the package and its tests need
 
-$(STAMP): setup.py tools/find_python Makefile $(STALE)
+$(STAMP): setup.py pyproject.toml tools/find_python Makefile $(STALE)
 	@set -e; rm -f $@; \
 	if [ -n "$(STALE)" ]; then \
 	  python="$$(tools/find_python $(PYTHON))"; \
@@ -41,7 +47,28 @@ paper: setup ## repeat the paper: its three cases on ROS 2 nodes, every figure, 
 	$(BIN)/platoon paper
 
 test: lint ## check the style and types, then run every test
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -m "unit or report" -n auto
+	$(BIN)/python -m pytest -m "ros or system"
+
+test-quick: setup ## run the unit tests alone: no processes, no DDS, under a minute
+	$(BIN)/python -m pytest -m unit -n auto --hypothesis-profile quick
+
+test-oldest: $(OLDEST_STAMP) ## unit tests and one real run with the oldest versions, on Python 3.11
+	$(OLDEST)/bin/python -m pytest -m unit -n auto --hypothesis-profile quick
+	$(OLDEST)/bin/python -m pytest '$(ONE_RUN)'
+
+$(OLDEST_STAMP): setup.py pyproject.toml test/oldest.txt
+	@set -e; rm -f $@; python="$$(tools/find_python $(OLDEST_PYTHON))"; \
+	"$$python" -m venv --clear $(OLDEST); \
+	$(OLDEST)/bin/python -m pip install --quiet --disable-pip-version-check \
+	  --constraint test/oldest.txt -e '.[ros,test]'; \
+	printf '%s' '$(CURDIR)' >$@
+
+coverage: setup ## run every test and print how much of the code ran, in subprocesses too
+	$(BIN)/coverage erase
+	$(BIN)/coverage run -m pytest
+	$(BIN)/coverage combine --quiet
+	$(BIN)/coverage report
 
 lint: setup
 	$(BIN)/ruff check .
@@ -50,7 +77,7 @@ lint: setup
 	$(BIN)/codespell
 
 clean: ## remove .venv and everything built; runs/ stays
-	rm -rf $(VENV) build install log .mypy_cache .ruff_cache .pytest_cache .hypothesis *.egg-info
+	rm -rf $(VENV) $(OLDEST) .coverage build install log .mypy_cache .ruff_cache .pytest_cache .hypothesis *.egg-info
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 FORCE:

@@ -1,4 +1,14 @@
-"""Build and install with colcon (ament_python) or pip; pyproject.toml holds only tool settings."""
+"""Build and install with colcon (ament_python) or pip.
+
+pyproject.toml says what the project is and needs. Here is what colcon needs to find here:
+
+- name and version, because `colcon build --symlink-install` runs this file in a folder of its own
+  that has no pyproject.toml;
+- the Python versions, because colcon reads the arguments as literals and setuptools makes an object
+  of `requires-python`; the licence, whose form in pyproject.toml differs between the setuptools
+  of Ubuntu 24.04 and of today;
+- the executables, which differ between colcon and pip, and the files that it shares.
+"""
 
 import re
 import sys
@@ -27,7 +37,6 @@ def files(pattern):
 setup(
     name=NAME,
     version=version,
-    description="Choose, run, record and judge a connected platoon under noisy V2V communication",
     license="Apache-2.0",
     python_requires=">=3.11",
     packages=find_packages(include=[NAME, f"{NAME}.*", "msg_adapters", "msg_adapters.*"]),
@@ -38,30 +47,6 @@ setup(
         (f"share/{NAME}/launch", files("launch/*.launch.py")),
         (f"share/{NAME}/config", files("config/*")),
     ],
-    install_requires=["matplotlib", "numpy>=1.26", "rosbags", "ruamel.yaml"],
-    extras_require={
-        "ros": [
-            "ros-jazzy-rclpy[fastrtps]",
-            "ros-jazzy-geometry-msgs",
-            "ros-jazzy-std-msgs",
-            "ros-jazzy-visualization-msgs",
-        ],
-        "test": [
-            "codespell",
-            "colcon-core",
-            "colcon-ros",
-            "control",
-            "hypothesis",
-            "mcap",
-            "mcap-ros2-support",
-            "mypy",
-            "pytest",
-            "ruff",
-            "scipy",
-            "setuptools<80",  # the last with the `setup.py install` that colcon calls
-            "wheel",
-        ],
-    },
     zip_safe=False,  # colcon installs unpacked
     entry_points={"console_scripts": executables},
 )

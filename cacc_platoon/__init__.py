@@ -1,3 +1,3 @@
 """Choose, run, record and judge a connected platoon under noisy V2V communication."""
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"

@@ -1,10 +1,12 @@
 """What every test needs before ROS or matplotlib is imported: a home of its own, strict fields."""
 
 import os
+import re
 import shutil
 import subprocess
 import tempfile
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -28,6 +30,7 @@ ROOT = Path(__file__).parents[1]
 # The same examples every time, at any speed of the machine; to look for new ones:
 # pytest --hypothesis-profile=default
 settings.register_profile("project", derandomize=True, deadline=None)
+settings.register_profile("quick", derandomize=True, deadline=None, max_examples=20)
 settings.load_profile("project")
 
 _home = tempfile.mkdtemp(prefix="cacc_platoon_test_")
@@ -35,6 +38,29 @@ os.environ["ROS_LOG_DIR"] = _home
 os.environ["MPLCONFIGDIR"] = _home
 os.environ["MPLBACKEND"] = "agg"
 os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
+
+NEEDS_ROS = ("rclpy", "cacc_platoon.nodes", "cacc_platoon.supervision", "cacc_platoon.testing")
+WITHOUT_ROS = ("cacc_platoon.supervision.protocol", "cacc_platoon.supervision.run_machine")
+WHOLE = tuple(f"cacc_platoon.{room}" for room in ("cli", "figures", "replay", "report"))
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark every test as unit, report, ros or system; pyproject.toml says what they mean."""
+    for item in items:
+        item.add_marker(kind_of(item.path))
+
+
+@cache
+def kind_of(path: Path) -> str:
+    """Return the marker of a file's tests: by its folder, otherwise by what it imports."""
+    if path.is_relative_to(ROOT / "test" / "system"):
+        return "system"
+    text = re.sub("from cacc_platoon import ", "import cacc_platoon.", path.read_text())
+    modules = set(re.findall(r"^\s*(?:from|import) ([\w.]+)", text, re.MULTILINE))
+    modules = {name for name in modules if not name.startswith(WITHOUT_ROS)}
+    if any(name.startswith(NEEDS_ROS) for name in modules):
+        return "ros"
+    return "report" if any(name.startswith(WHOLE) for name in modules) else "unit"
 
 
 @pytest.fixture(scope="session")

@@ -46,7 +46,7 @@ def test_help_shows_every_verb_with_its_summary(capsys):
     text = " ".join(capsys.readouterr().out.split())
     for verb in VERBS:
         module = importlib.import_module(f"cacc_platoon.cli.{verb}")
-        assert f"{verb} {module.__doc__.partition(chr(10))[0]}" in text
+        assert f"{verb} {str(module.__doc__).partition(chr(10))[0]}" in text
 
 
 @pytest.mark.parametrize("arguments", [[], ["rnu"], ["--wrong", "doctor"], ["run", "a", "--wrong"]])

@@ -1,21 +1,26 @@
-"""package.xml, setup.py and the code say the same."""
+"""package.xml, pyproject.toml, setup.py, CITATION.cff, CHANGELOG.rst and the code say the same."""
 
 import ast
 import importlib
 import re
 import runpy
 import sys
+import tomllib
 import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any
 
 import pytest
 import setuptools
+from ruamel.yaml import YAML
 
 import cacc_platoon
 
 ROOT = Path(__file__).parents[1]
 MANIFEST = ET.parse(ROOT / "package.xml").getroot()
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+CITATION = YAML(typ="safe", pure=True).load(ROOT / "CITATION.cff")
+OLDEST = (ROOT / "test" / "oldest.txt").read_text()
 
 ROSDEP_KEYS = {
     "matplotlib": "python3-matplotlib",
@@ -63,15 +68,57 @@ def project(requirement: str) -> str:
 
 
 def depends(kind: str) -> set[str]:
-    return {element.text for element in MANIFEST.findall(kind)}
+    return {str(element.text) for element in MANIFEST.findall(kind)}
 
 
 def test_the_version_is_one(setup_arguments):
     assert MANIFEST.findtext("version") == cacc_platoon.__version__
     assert setup_arguments()["version"] == cacc_platoon.__version__
+    assert CITATION["version"] == cacc_platoon.__version__
     changelog = (ROOT / "CHANGELOG.rst").read_text()
-    [newest, *_] = re.findall(r"^(\d+\.\d+\.\d+|Forthcoming)\b", changelog, re.MULTILINE)
-    assert newest in (cacc_platoon.__version__, "Forthcoming")
+    [newest, *_] = re.findall(r"^(\d+\.\d+\.\d+)\b", changelog, re.MULTILINE)
+    assert newest == cacc_platoon.__version__
+
+
+def test_the_name_stands_twice_and_is_one(setup_arguments):
+    assert PROJECT["name"] == setup_arguments()["name"] == MANIFEST.findtext("name")
+
+
+def test_setup_py_repeats_nothing_that_pyproject_has(setup_arguments):
+    """Setuptools would ignore it there; what is dynamic must be there."""
+    arguments = setup_arguments()
+    assert not {"install_requires", "extras_require", "description", "keywords"} & arguments.keys()
+    assert set(PROJECT["dynamic"]) == {"version", "license", "requires-python", "scripts"}
+    dynamic = {"version", "license", "python_requires", "entry_points"}
+    assert dynamic < arguments.keys()
+
+
+def test_python_versions_are_those_of_the_classifiers(setup_arguments):
+    versions = [text for text in PROJECT["classifiers"] if re.search(r"Python :: 3\.", text)]
+    assert setup_arguments()["python_requires"] == f">={versions[0].rpartition(' ')[2]}"
+
+
+def test_the_oldest_versions_that_are_tested_are_the_lower_bounds():
+    pinned = dict(re.findall(r"^([\w.-]+)==([\d.]+)$", OLDEST, re.MULTILINE))
+    bounds = dict(text.split(">=") for text in PROJECT["dependencies"])
+    assert {name: pinned.get(name) for name in bounds} == bounds
+
+
+def test_the_citation_has_what_the_format_asks_for():
+    """https://citation-file-format.github.io, version 1.2.0."""
+    assert CITATION["cff-version"] == "1.2.0"
+    assert {"message", "title", "authors", "type", "license", "references"} <= CITATION.keys()
+    assert CITATION["title"] == MANIFEST.findtext("name")
+    assert CITATION["license"] == MANIFEST.findtext("license")
+    assert CITATION["authors"] == [{"name": MANIFEST.findtext("maintainer")}]
+    assert PROJECT["authors"] == CITATION["authors"]
+
+
+def test_the_citation_names_the_paper_as_the_theory_does():
+    [paper] = CITATION["references"]
+    theory = " ".join((ROOT / "docs" / "theory.md").read_text().split())
+    assert f"*{paper['title']}*" in theory
+    assert [author["family-names"] for author in paper["authors"]] == ["Ma", "Pagilla", "Darbha"]
 
 
 def test_the_manifest_is_an_ament_python_package_of_format_3():
@@ -87,12 +134,12 @@ def test_exec_depends_are_what_the_code_imports():
     assert {ROSDEP_KEYS.get(name, name) for name in packages} == depends("exec_depend")
 
 
-def test_pip_requirements_are_what_the_code_imports(setup_arguments):
+def test_pip_requirements_are_what_the_code_imports():
     ros = {name for name in depends("exec_depend") if not name.startswith(("python3-", "ros2"))}
     packages = imported("cacc_platoon", "msg_adapters") - ros
-    required = {project(text) for text in setup_arguments()["install_requires"]}
+    required = {project(text) for text in PROJECT["dependencies"]}
     assert {"ruamel.yaml" if name == "ruamel" else name for name in packages} == required
-    extra = {project(text) for text in setup_arguments()["extras_require"]["ros"]}
+    extra = {project(text) for text in PROJECT["optional-dependencies"]["ros"]}
     follows_from_rclpy = {"rcl_interfaces"}
     assert extra == {f"ros-jazzy-{name.replace('_', '-')}" for name in ros - follows_from_rclpy}
 

@@ -2,7 +2,8 @@
 
 Shorter headway, latency margin, sampling margin, L-infinity gain and a fast slowest mode pull
 against each other, so there is no best design; there is a front to choose from. The search is a
-grid over the exact robust region with estimates; every design returned is certified exactly.
+grid over the exact robust region with estimates; every design returned is certified exactly
+(docs/theory.md, section 12 (Choosing)).
 """
 
 from __future__ import annotations

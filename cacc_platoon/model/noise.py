@@ -43,7 +43,7 @@ def factor_variance(rho: float, bit_probabilities: Sequence[float]) -> float:
 
 
 class BitNoise:
-    """The n-bit noise of equation (5): random w, redrawn every `hold` samples.
+    """The n-bit noise of equation (5), noise factor: random w, redrawn every `hold` samples.
 
     Parameters
     ----------

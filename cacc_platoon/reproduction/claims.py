@@ -68,7 +68,7 @@ def _number(where: str, what: str, paper: float, measured: float, basis: str) ->
 
 def _theorem_claims() -> Iterator[Claim]:
     best = optimum(RHO, TAU_0)
-    yield _number("Sec. IV", "largest k_a [-]", 0.8333, k_a_max(RHO), "equation (18)")
+    yield _number("Sec. IV", "largest k_a [-]", 0.8333, k_a_max(RHO), "equation (16), largest k_a")
     bound = headway_bound(0.5, RHO, TAU_0)
     yield _number("Sec. IV", "headway bound at k_a = 0.5 [s]", 0.9375, bound, "Theorem 2 (b)")
     yield _number("Sec. IV", "k_a* [-]", 0.3183, best.k_a, "Theorem 2 (c)")

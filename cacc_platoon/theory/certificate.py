@@ -1,7 +1,8 @@
 """Everything a design guarantees and tolerates: the one record that every judgement reads.
 
 Each part is computed when it is first read and then kept, so that a search that needs four parts
-of a thousand designs, and a report that needs all parts of one, read the same record.
+of a thousand designs, and a report that needs all parts of one, read the same record. Which parts
+are proven and which numerical: docs/theory.md, section 13 (What is proven and what is numerical).
 """
 
 from __future__ import annotations
@@ -59,7 +60,8 @@ def worst_l2_gain(
     """Compute ``sup |H|`` over all frequencies, lags in (0, tau_max] and ``k`` in I.
 
     It is that of `tau_max` at an end of I: ``|N|^2`` is convex in ``k``, and where a smaller lag
-    is worse at one frequency, `tau_max` is worse still at another (docs/theory.md, Theorem F).
+    is worse at one frequency, `tau_max` is worse still at another
+    (docs/theory.md, Theorem F (section 5)).
 
     Examples
     --------

@@ -5,8 +5,9 @@ With ``B = 1 - k^2 - 2 tau gamma`` and ``C = gamma^2 - 2 k_p - k_v^2 + 2 k k_p``
 .. math:: (|D|^2 - |N|^2)/\omega^2 = \tau^2\omega^4 + B\omega^2 + C,
 
 so ``|H(j omega)| <= 1`` for all omega **iff** ``C >= 0`` and ``B + 2 tau sqrt(C) >= 0``
-(docs/theory.md, section 2). Where ``B`` and ``C`` touch zero, rounding would decide; both
-conditions are therefore met down to ``-TOLERANCE`` relative to the terms they are made of.
+(docs/theory.md, section 3 (The exact test)). Where ``B`` and ``C`` touch zero, rounding would
+decide; both conditions are therefore met down to ``-TOLERANCE`` relative to the terms they are
+made of.
 """
 
 from __future__ import annotations
@@ -145,7 +146,8 @@ def is_robustly_string_stable(
     """Test string stability for all lags in ``(0, tau_max]`` and all ``k`` in ``[m k_a, M k_a]``.
 
     Checking `tau_max` and the two ends of the interval is enough: the margin is linear in tau
-    between ``1 - k^2 >= 0`` and its value at `tau_max`, and concave in ``k`` (docs/theory.md).
+    between ``1 - k^2 >= 0`` and its value at `tau_max`, and concave in ``k``
+    (docs/theory.md, Theorem C (section 3)).
 
     Parameters
     ----------

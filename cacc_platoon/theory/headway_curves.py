@@ -1,4 +1,8 @@
-"""Headway bounds over the gain and the SNR, as records of arrays to look at."""
+"""Headway bounds over the gain and the SNR, as records of arrays to look at.
+
+The bounds are those of docs/theory.md, section 2 (The paper's theorem, and its slips), and of
+docs/theory.md, section 4 (The exact region and the exact minimum headway).
+"""
 
 from __future__ import annotations
 

@@ -7,7 +7,8 @@ Newton's form with divided differences of ``exp`` has no such place:
     \frac{n(s)}{(s-p_1)(s-p_2)(s-p_3)} \;\leftrightarrow\;
     n[p_1]\,E[p_1,p_2,p_3] + n[p_1,p_2]\,E[p_2,p_3] + n[p_1,p_2,p_3]\,E[p_3],
 
-``E[...]`` being the divided differences of ``p -> exp(p t)``.
+``E[...]`` being the divided differences of ``p -> exp(p t)`` (docs/theory.md, section 5 (Two
+gains)).
 """
 
 from __future__ import annotations

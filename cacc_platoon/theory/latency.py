@@ -8,7 +8,8 @@ A latency ``Delta`` on ``a_{i-1}`` turns the exact test into
 
 At one frequency the first ``Delta`` with ``f < 0`` is closed form (``t = tan(omega Delta/2)``
 solves a quadratic), so the margin is a minimum over frequency alone. ``f`` is convex in tau with
-its minimum at ``gamma/omega^2`` and concave in ``k``: the worst lag and gain are closed form too.
+its minimum at ``gamma/omega^2`` and concave in ``k``: the worst lag and gain are closed form too
+(docs/theory.md, section 7 (V2V latency)).
 """
 
 from __future__ import annotations

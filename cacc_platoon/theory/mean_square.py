@@ -9,7 +9,7 @@ equation whose weights sum to
         = \frac{\mathrm{Var}[w]\,k_a^2 T_c}{2\tau\sqrt{B + 2\tau\sqrt{C}}} .
 
 ``c_I < 1`` gives ``E||a_i||^2 <= ||a_0||^2/(1 - c_I)`` for every i; ``c_I > 1`` lets the energy
-grow without bound along the platoon (docs/theory.md, section 3).
+grow without bound along the platoon (docs/theory.md, section 8 (Mean square)).
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """The interval I = [m k_a, M k_a] that noise of one SNR leaves for k_a E[w], m, M = 1 -+ 1/rho.
 
 A packet that arrives with probability ``p`` and counts as zero when lost has ``k = p k_a E[w]``:
-where at least a share `reception` arrives, I becomes ``[reception m k_a, M k_a]``.
+where at least a share `reception` arrives, I becomes ``[reception m k_a, M k_a]``. The symbols are
+those of docs/theory.md, section 1 (Setting).
 """
 
 from __future__ import annotations
@@ -98,7 +99,7 @@ def checked_interval(k_a: float, rho: float, *, reception: float = 1.0) -> Effec
 
 
 def k_a_max(rho: float) -> float:
-    """Cap of the feed-forward gain, ``1/(1 + 1/rho)``, itself excluded (equation 18).
+    """Cap of the feed-forward gain, ``1/(1 + 1/rho)``, itself excluded (equation (16), largest k_a).
 
     Examples
     --------

@@ -1,7 +1,8 @@
 """What packet loss leaves of the communicated acceleration, in the mean.
 
 Where a lost packet counts as zero, the lower end of I falls to ``p (1 - 1/rho) k_a`` and every
-guarantee takes that as `reception`. A receiver that holds the last packet filters instead.
+guarantee takes that as `reception`. A receiver that holds the last packet filters instead
+(docs/theory.md, section 11 (Extensions)).
 """
 
 from __future__ import annotations

@@ -3,8 +3,9 @@ r"""The exact robust region of ``(k_p, k_v)``, the minimum headway, and how far 
 For one ``k`` in I, with ``Q = (1 - k^2)/(2 tau_0)`` and ``X = Q h_w - (1 - k)``, a design is
 string stable iff ``X >= 0`` and ``L <= k_v <= Q + sqrt(2 k_p X)``, where
 ``L = (1 - k)/h_w - h_w k_p/2`` if ``k_p h_w^2 <= 2 X`` and ``Q - sqrt(2 k_p X)`` beyond. The
-robust region is the intersection at both ends of I (docs/theory.md, section 2). In
-``z = sqrt(k_p)`` every boundary is a parabola or a line, so areas are exact.
+robust region is the intersection at both ends of I (docs/theory.md, section 4 (The exact region
+and the exact minimum headway)). In ``z = sqrt(k_p)`` every boundary is a parabola or a line, so
+areas are exact.
 """
 
 from __future__ import annotations

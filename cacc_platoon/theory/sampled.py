@@ -11,7 +11,7 @@ holds the last packet, which arrives with probability ``p``: in the mean that fi
 ``p/(1 - (1 - p)/z)``, and ``D_T``, ``N_T`` are multiplied by ``z - (1 - p)``. The hop is string
 stable iff ``q >= 0`` on ``(0, 4/T^2]`` and the roots of ``D_T`` are in the unit disc.
 The worst ``k`` is an end of I, since ``|N_T|^2`` is convex in ``k``; the worst lag is searched on
-a grid over ``[0, tau_0]``: that part is numerical.
+a grid over ``[0, tau_0]``: that part is numerical (docs/theory.md, section 6 (Sampling)).
 """
 
 from __future__ import annotations

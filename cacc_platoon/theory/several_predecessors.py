@@ -7,7 +7,7 @@ With ``r`` predecessors and
           - k_p (x_i - x_{i-j} + j d + j h_w v_i)\right]
 
 the platoon is the one-predecessor platoon with gains ``r k_a, r k_v, r k_p`` and headway
-``(r + 1) h_w/2``.
+``(r + 1) h_w/2`` (docs/theory.md, section 11 (Extensions)).
 """
 
 from __future__ import annotations

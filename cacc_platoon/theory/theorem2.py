@@ -1,7 +1,8 @@
 r"""The paper's Theorem 2: bounds, best gain and the region S, with its slips put right.
 
 Here ``m = 1 - 1/rho`` and ``M = 1 + 1/rho``. The region ``S = S1 and S2`` is sufficient, not
-necessary, and nonempty iff ``a1 > a2`` (the text's "a1 >= a2 or b1 >= b2" is not enough).
+necessary, and nonempty iff ``a1 > a2`` (the text's "a1 >= a2 or b1 >= b2" is not enough):
+docs/theory.md, section 2 (The paper's theorem, and its slips).
 """
 
 from __future__ import annotations
@@ -165,7 +166,8 @@ def paper_region(k_a: float, time_headway: float, rho: float, tau_max: float) ->
     Returns
     -------
     PaperRegion
-        Equations (29) and (32); the polygon is empty iff ``a1 <= a2``.
+        Equation (28), region S1, and equation (32), region S2; the polygon is empty iff
+        ``a1 <= a2``.
 
     Raises
     ------

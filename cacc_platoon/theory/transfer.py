@@ -4,7 +4,8 @@ r"""The spacing error propagation ``H(s) = N(s)/D(s)`` of one hop.
     N(s) = \tilde k_a s^2 + k_v s + k_p, \qquad
     D(s) = \tau s^3 + s^2 + \gamma s + k_p, \qquad \gamma = k_v + h_w k_p,
 
-so that ``H(0) = 1`` for every design: a string stable platoon has ``sup |H| = 1``, never less.
+so that ``H(0) = 1`` for every design: a string stable platoon has ``sup |H| = 1``, never less
+(docs/theory.md, section 1 (Setting); the paper's equation (14), error propagation).
 """
 
 from __future__ import annotations

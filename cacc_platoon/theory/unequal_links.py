@@ -2,7 +2,7 @@
 
 ``delta_i = H delta_{i-1}`` needs equal links. The true accelerations always obey
 ``a_i = H_i a_{i-1}`` with ``H_i = (k_i s^2 + k_v s + k_p)/D_i``: a mixed platoon is certified on
-accelerations, link by link.
+accelerations, link by link (docs/theory.md, section 10 (Unequal vehicles and links)).
 """
 
 from __future__ import annotations

@@ -21,6 +21,12 @@ from cacc_platoon.simulation import simulate
 from cacc_platoon.theory import certify, exact_region
 
 
+def warning_of(scenario: Scenario) -> str:
+    warning = warn_if_not_string_stable(scenario)
+    assert warning is not None
+    return warning
+
+
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 def test_published_cases(case):
     verdict = judge(case_scenario(case))
@@ -32,7 +38,7 @@ def test_published_cases(case):
 
 
 def test_both_definitions_are_named_and_differ():
-    """docs/theory.md, section 1: A is L2 string stable, yet its L-infinity gain is 1.0396."""
+    """docs/theory.md, section 5 (Two gains): L2 stable, L-infinity gain 1.0396."""
     verdict = judge(case_scenario(CASES[0]))
     assert verdict.weakest.l2_gain == 1.0
     assert verdict.weakest.linf_gain == pytest.approx(1.0396, abs=5e-5)
@@ -79,26 +85,26 @@ def test_mixed_platoon_is_certified_on_accelerations():
     assert verdict.weakest.follower == 5
     assert "a_i = H_i a_{i-1}" in verdict.basis
     assert [one.follower for one in verdict.followers if not one.string_stable] == [5]
-    warning = warn_if_not_string_stable(scenario)
+    warning = warning_of(scenario)
     assert "vehicle 5" in warning
     assert "0.714286 s" in warning
 
 
 def test_a_period_that_is_too_long_voids_the_certificate():
-    """docs/theory.md, section 3: A loses robust string stability at T = 95.9 ms."""
+    """docs/theory.md, section 6 (Sampling): A loses robust string stability at T = 95.9 ms."""
     settings = {"run.step": 0.1, "run.duration": 20.0}
     verdict = judge(case_scenario(CASES[0], settings))
     assert verdict.string_stable
     assert not verdict.certified
     assert "sampled every 0.1 s" in verdict.void[0]
     assert "0.09587 s" in verdict.void[0]
-    assert "Lower run.step" in warn_if_not_string_stable(case_scenario(CASES[0], settings))
+    assert "Lower run.step" in warning_of(case_scenario(CASES[0], settings))
     assert judge(case_scenario(CASES[0], {**settings, "run.step": 0.08})).certified
 
 
 def test_warning_is_one_line_and_only_where_due():
     assert warn_if_not_string_stable(case_scenario(CASES[0])) is None
-    warning = warn_if_not_string_stable(case_scenario(CASES[1]))
+    warning = warning_of(case_scenario(CASES[1]))
     assert "\n" not in warning
     assert "time_headway = 0.65 s is below 0.714286 s" in warning
     assert "sup|H| = 1.0035" in warning
@@ -129,7 +135,7 @@ def test_certificate_is_void_where_a_vehicle_had_other_gains(bags, tmp_path, sce
 
 
 def test_expectation_run_is_the_mean_of_noisy_runs(whole_run):
-    """docs/theory.md, section 1: within 4 standard errors at every vehicle and time."""
+    """docs/theory.md, section 1 (Setting): within 4 standard errors at every vehicle and time."""
     report = analyse(whole_run, runs=400)
     assert metrics_document(report)["ensemble"]["max_standard_errors_from_expectation"] < 4.0
     assert metrics_document(report)["ensemble"]["runs"] == 400
@@ -186,4 +192,4 @@ def test_a_follower_that_fails_outweighs_one_that_is_undecided():
     assert verdict.headline == "NOT STRING STABLE"
     assert verdict.weakest.follower == 4
     assert np.isnan(verdict.linf_gain)
-    assert "vehicle 4" in warn_if_not_string_stable(scenario)
+    assert "vehicle 4" in warning_of(scenario)

@@ -109,7 +109,7 @@ def test_mutated_bags(sources, tmp_path):
                 report, metrics_document(report)
             )
             assert metrics_document(report)["provenance"]["messages"] > 0
-            lines = report.run.findings
+            lines = [*report.run.findings]
             outcomes["reported"] += 1
         assert time.monotonic() - begun < PATIENCE
         assert all(line.isprintable() and len(line) > 10 for line in lines), lines

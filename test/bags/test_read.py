@@ -104,7 +104,7 @@ def test_other_frames_and_byte_order(bags, tmp_path, scenario, recording):
 def test_second_reader_agrees(whole_run):
     """mcap with mcap-ros2-support, which knows nothing of ours, decodes the same numbers."""
     run = read_run(whole_run / "bag").trajectory
-    seen = {}
+    seen: dict[str, list[float]] = {}
     with next((whole_run / "bag").glob("*.mcap")).open("rb") as file:
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
         for _, channel, _, message in reader.iter_decoded_messages():

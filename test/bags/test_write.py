@@ -1,10 +1,13 @@
 """The bag: readable by rosbags and by mcap alone, complete, and standing alone."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
+from rosbags.interfaces import ConnectionExtRosbag2
 from ruamel.yaml import YAML
 
 from cacc_platoon.bags.write import write_bag
@@ -48,7 +51,7 @@ def test_rosbags_finds_every_message_in_time_order(bag, trajectory):
         assert (times[0], times[-1]) == (0, 1_000_000_000)
         [connection] = [c for c in reader.connections if c.topic == "/platoon/vehicle_2/accel"]
         for k, (_, time, data) in enumerate(reader.messages([connection])):
-            message = reader.deserialize(data, connection.msgtype)
+            message: Any = reader.deserialize(data, connection.msgtype)
             stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
             assert time == stamp == k * 10_000_000
             assert message.accel.linear.x == trajectory.acceleration[k, 2]
@@ -56,7 +59,7 @@ def test_rosbags_finds_every_message_in_time_order(bag, trajectory):
 
 def test_a_second_reader_needs_nothing_but_the_file(bag, trajectory):
     [path] = bag.glob("*.mcap")
-    positions = []
+    positions: list[float] = []
     with path.open("rb") as file:
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
         for _, _, message, value in reader.iter_decoded_messages("/platoon/vehicle_1/pose"):
@@ -64,7 +67,8 @@ def test_a_second_reader_needs_nothing_but_the_file(bag, trajectory):
             assert value.pose.orientation.w == 1.0
             assert message.log_time == len(positions) * 10_000_000
             positions.append(value.pose.position.x)
-        assert reader.get_summary().statistics.message_count == 11 * 101 + 1
+        summary: Any = reader.get_summary()
+        assert summary.statistics.message_count == 11 * 101 + 1
     np.testing.assert_array_equal(positions, trajectory.position[:, 1])
 
 
@@ -77,12 +81,14 @@ def test_the_scenario_is_inside_twice(bag):
     with AnyReader([bag]) as reader:
         [connection] = [c for c in reader.connections if c.topic == "/platoon/scenario"]
         [(_, time, data)] = reader.messages([connection])
-        assert (time, reader.deserialize(data, connection.msgtype).data) == (0, TEXT)
+        message: Any = reader.deserialize(data, connection.msgtype)
+        assert (time, message.data) == (0, TEXT)
 
 
 def test_the_offered_quality_of_service_is_recorded(bag):
     with AnyReader([bag]) as reader:
         for connection in reader.connections:
+            assert isinstance(connection.ext, ConnectionExtRosbag2)
             [qos] = connection.ext.offered_qos_profiles
             latched = connection.topic == "/platoon/scenario"
             assert qos.durability.name == ("TRANSIENT_LOCAL" if latched else "VOLATILE")
@@ -99,9 +105,17 @@ def test_topics_of_different_lengths_and_a_failing_progress_still_make_a_bag(tmp
         raise KeyboardInterrupt
 
     for folder, progress in (("whole", None), ("interrupted", interrupt)):
-        arguments = dict(step_ns=10_000_000, depth=1, scenario_topic="/s", scenario_text="")
         try:
-            write_bag(tmp_path / folder, recording, custom_data={}, progress=progress, **arguments)
+            write_bag(
+                tmp_path / folder,
+                recording,
+                step_ns=10_000_000,
+                depth=1,
+                scenario_topic="/s",
+                scenario_text="",
+                custom_data={},
+                progress=progress,
+            )
         except KeyboardInterrupt:
             assert progress is interrupt
         with AnyReader([tmp_path / folder]) as reader:

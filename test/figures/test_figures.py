@@ -77,8 +77,8 @@ def test_ensemble_band_holds_the_run(scenario):
     propagation.plot_ensemble(first, last, ensemble, expectation, run)
     axes = Figure().subplots()
     propagation.plot_peaks(axes, compute_metrics(run), compute_metrics(expectation), ensemble)
-    expected = next(line for line in axes.get_lines() if "expectation" in line.get_label())
-    assert expected.get_ydata().tolist() == (
+    expected = next(line for line in axes.get_lines() if "expectation" in str(line.get_label()))
+    assert np.asarray(expected.get_ydata()).tolist() == (
         compute_metrics(expectation).max_abs_spacing_error.tolist()
     )
 

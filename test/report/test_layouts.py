@@ -53,7 +53,7 @@ def test_plotjuggler(paths):
     sources = {
         source.text
         for node in snippets.values()
-        for source in [node.find("linked_source"), *node.find("additional_sources")]
+        for source in [*node.iterfind("linked_source"), *node.iterfind("additional_sources/*")]
     }
     curves = {curve.get("name") for curve in root.iter("curve")} - set(snippets)
     slashed = {re.sub(r"\.", "/", path) for path in paths}
@@ -61,7 +61,7 @@ def test_plotjuggler(paths):
     assert set(snippets) == {f"{name}_{i}" for name in ("delta", "gap") for i in range(1, 13)}
     defaults = Scenario()
     law = f"{defaults.platoon.standstill_distance} + {defaults.controller.time_headway}"
-    assert law in snippets["delta_3"].findtext("function")
+    assert law in str(snippets["delta_3"].findtext("function"))
 
 
 def test_rviz():

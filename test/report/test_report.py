@@ -204,6 +204,7 @@ def test_collision_is_said_at_the_top(bags, tmp_path):
         }
     )
     report, _ = report_run(bags.run(tmp_path / "run", braking).path, runs=0)
+    assert report.measured.first_collision
     follower, time = report.measured.first_collision
     assert f"COLLISION of vehicle {follower} at {time:g} s" in summary(
         report, metrics_document(report)

@@ -66,7 +66,7 @@ def test_claims_can_fail(reports):
 
 
 def test_published_numbers(reports):
-    """docs/theory.md, section 1, the line of 100 Hz."""
+    """docs/theory.md, section 1 (Setting), the line of 100 Hz."""
     peaks = {name: r.expected.max_abs_spacing_error for name, r in reports.items()}
     assert peaks["A"][[0, -1]] == pytest.approx([1.596227, 1.544609], abs=5e-7)
     assert peaks["B"][[0, -1]] == pytest.approx([0.882905, 0.888412], abs=5e-7)

@@ -31,7 +31,7 @@ def test_the_mean_of_400_noisy_runs_is_the_expectation_run():
     assert ensemble.runs == 400
     deviation = np.abs(ensemble.mean - expected)
     assert np.all(deviation <= 4.0 * ensemble.standard_error + 1e-12)
-    assert ensemble.standard_error.max() > 1e-5
+    assert np.max(ensemble.standard_error) > 1e-5
 
 
 @pytest.fixture

@@ -55,14 +55,15 @@ def test_the_published_platoon_lengths(case):
 
 
 def test_a_vanishing_step_gives_the_figures_of_the_continuous_law():
-    # theory: case A under the continuous law has max|delta_1| = 1.595944 and max|delta_12| =
-    # 1.543560 m, and a peak length of 436.718 m; two steps extrapolated to zero lead there
+    # docs/theory.md, section 1 (Setting): case A under the continuous law has max|delta_1| =
+    # 1.595944 and max|delta_12| = 1.543560 m, and a largest length of 436.718 m; two steps
+    # extrapolated to zero lead there
     values = load_scenario(CONFIG / "paper_a.yaml").values()
     figures = []
     for step in (0.01, 0.005):
         run = simulate(Scenario.from_values({**values, "run.step": step}), "expected")
         peaks = np.abs(run.spacing_error).max(axis=0)
-        figures.append(np.array([peaks[0], peaks[-1], run.platoon_length.max()]))
+        figures.append(np.array([peaks[0], peaks[-1], np.max(run.platoon_length)]))
     limit = 2.0 * figures[1] - figures[0]
     assert limit[:2] == pytest.approx([1.595944, 1.543560], abs=1e-5)
     assert limit[2] == pytest.approx(436.718, abs=1e-3)

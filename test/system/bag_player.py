@@ -16,6 +16,7 @@ import rclpy
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from rosbags.interfaces import ConnectionExtRosbag2
 from rosbags.rosbag2 import Reader
 
 
@@ -39,6 +40,7 @@ def main() -> None:
     for connection in connections:
         package, _, name = connection.msgtype.split("/")
         kind = getattr(importlib.import_module(f"{package}.msg"), name)
+        assert isinstance(connection.ext, ConnectionExtRosbag2)
         depth = connection.ext.offered_qos_profiles[0].depth
         publishers[connection.topic] = node.create_publisher(
             kind, connection.topic, QoSProfile(depth=depth)

@@ -3,15 +3,16 @@
 import math
 import sys
 
+from cacc_platoon.model import FactorStream
 from cacc_platoon.stepping import lockstep
 from cacc_platoon.supervision import entry_points
 
 
-class SpoiledStream(lockstep.FactorStream):
+class SpoiledStream(FactorStream):
     def at(self, sample: int) -> float:
         return math.nan if sample == 100 else super().at(sample)
 
 
 if __name__ == "__main__":
-    lockstep.FactorStream = SpoiledStream
+    lockstep.FactorStream = SpoiledStream  # type: ignore[attr-defined]
     sys.exit(entry_points.noise_relay())

@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -18,7 +19,11 @@ EXECUTABLES = ["leader", "markers", "noise_relay", "platoon", "recorder", "super
 @pytest.fixture(scope="module")
 def workspace(tmp_path_factory, copy_source):
     """Return a workspace in which the package is built."""
-    folder = tmp_path_factory.mktemp("workspace")
+    return built(tmp_path_factory.mktemp("workspace"), copy_source)
+
+
+def built(folder: Path, copy_source: Callable[[Path], None], *options: str) -> Path:
+    """Return a folder as a workspace in which the package is built."""
     copy_source(folder / "src" / "cacc_platoon")
     environment = {
         **{name: value for name, value in os.environ.items() if name != "PYTHONPATH"},
@@ -26,7 +31,7 @@ def workspace(tmp_path_factory, copy_source):
         "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
     }
     command = [sys.executable, "-m", "colcon", "--log-base", "log"]
-    command += ["build", "--event-handlers", "console_direct-"]
+    command += ["build", "--event-handlers", "console_direct-", *options]
     build = subprocess.run(
         command, cwd=folder, env=environment, capture_output=True, text=True, timeout=120
     )
@@ -63,6 +68,19 @@ def test_every_executable_answers_help(workspace, name):
     assert answer.returncode == 0, answer.stderr
     assert name in answer.stdout
     assert len(answer.stdout.splitlines()) >= 3
+
+
+def test_symlink_install_runs_what_is_in_the_source(tmp_path, copy_source):
+    """Colcon then runs setup.py in a folder that has no pyproject.toml."""
+    workspace = built(tmp_path, copy_source, "--symlink-install")
+    (tmp_path / "src" / "cacc_platoon" / "cacc_platoon" / "new.py").write_text("WORDS = 'edited'\n")
+    folder = workspace / "install" / "cacc_platoon" / "lib" / "cacc_platoon"
+    assert sorted(path.name for path in folder.iterdir()) == EXECUTABLES
+    answer = in_workspace(workspace, str(folder / "platoon"), "--version")
+    assert answer.returncode == 0, answer.stderr
+    script = "import cacc_platoon.new; print(cacc_platoon.new.WORDS)"
+    answer = in_workspace(workspace, sys.executable, "-c", script)
+    assert answer.stdout == "edited\n", answer.stderr
 
 
 def test_a_misplaced_node_says_so_in_one_line_and_ends(workspace):

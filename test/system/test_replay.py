@@ -122,7 +122,7 @@ def test_what_if_is_what_the_simulation_says(recorded: Path, tmp_path: Path) -> 
     other = simulate(load_scenario(PAPER_A, [*SHORT, f"vehicle_2.{setting}"]))
     assert answer["replayed"] == {
         "max_abs_spacing_error": float(np.abs(other.spacing_error[:, 1]).max()),
-        "min_gap": float(other.gap[:, 1].min()),
+        "min_gap": float(np.min(other.gap[:, 1])),
         "max_abs_acceleration": float(np.abs(other.acceleration[:, 2]).max()),
     }
     assert answer["replayed"] != answer["recorded"]

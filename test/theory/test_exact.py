@@ -1,6 +1,7 @@
 """The exact test and both gains, against brute force, python-control and simulation."""
 
 import math
+import time
 import timeit
 
 import control
@@ -58,9 +59,9 @@ def test_verdict_has_a_witness_or_survives_every_frequency(gains, tau, k):
     roots = np.roots([tau, 1, gains.k_v + gains.time_headway * gains.k_p, gains.k_p])
     if not is_internally_stable(gains, tau):
         assert not stable
-        assert roots.real.max() > -1e-9
+        assert np.max(roots.real) > -1e-9
         return
-    assert roots.real.max() < 1e-9
+    assert np.max(roots.real) < 1e-9
     if stable:
         assert magnitudes(gains, tau, k).max() <= 1 + 1e-10
         return
@@ -306,14 +307,15 @@ def test_maps_broadcast():
     assert found.tolist() == expected
 
 
+def cpu_time(call, number=1):
+    """Return the CPU time of a call [s], that other processes lengthen little: the least of 5."""
+    return min(timeit.repeat(call, number=number, repeat=5, timer=time.process_time)) / number
+
+
 def test_speed():
-    scalar = min(timeit.repeat(lambda: is_robustly_string_stable(A, 5, 0.5), number=200, repeat=5))
-    assert scalar / 200 < 1e-4
+    assert cpu_time(lambda: is_robustly_string_stable(A, 5, 0.5), number=200) < 1e-4
     k_p, k_v = np.linspace(0, 1, 500)[:, np.newaxis], np.linspace(0, 1, 500)
-    gain_map = timeit.repeat(
-        lambda: robust_string_stability_map(0.5, 0.95, k_v, k_p, rho=5, tau_max=0.5),
-        number=1,
-        repeat=5,
+    assert (
+        cpu_time(lambda: robust_string_stability_map(0.5, 0.95, k_v, k_p, rho=5, tau_max=0.5)) < 0.1
     )
-    assert min(gain_map) < 0.1
-    assert min(timeit.repeat(lambda: certify(A, 5, 0.5).parts(), number=1, repeat=5)) < 0.15
+    assert cpu_time(lambda: certify(A, 5, 0.5).parts()) < 0.15

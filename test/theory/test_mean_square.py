@@ -1,6 +1,7 @@
 """Mean-square index, uniform bound and H2 norm, against second moments and Monte Carlo."""
 
 import math
+from typing import Any
 
 import control
 import numpy as np
@@ -134,9 +135,9 @@ def test_uniform_bound_holds_in_a_simulated_platoon_and_is_not_idle():
     leader = np.concatenate([leader, np.zeros(4000)])
     bound = uniform_error_bound(gains, 0.5, k, math.sqrt(np.sum(leader**2) * period))
     plant = ThirdOrderPlant(0.5, period)
-    ahead, worst = None, []
+    worst = []
     x, v = np.cumsum(np.cumsum(leader)) * period**2, np.cumsum(leader) * period
-    ahead = list(zip(x, v, leader, strict=True))
+    ahead: list[Any] = list(zip(x, v, leader, strict=True))
     for _ in range(5):
         me, track, errors = State(0.0, 0.0, 0.0), [], []
         for position, velocity, acceleration in ahead:

@@ -182,5 +182,6 @@ def test_edges():
 
 @pytest.mark.parametrize("gains", [(0.95, 0.5, 0.63, 1e200), (0.95, 1e200, 0.63, 0.009)])
 def test_what_overflows_is_not_stable_and_warns_of_nothing(gains):
-    answer = sampled_stability_map(*gains[:1], *gains[2:], 0.5, gains[1], period=[0.01, 0.1])
+    headway, k_a, k_v, k_p = gains
+    answer = sampled_stability_map(headway, k_v, k_p, 0.5, k_a, period=[0.01, 0.1])
     assert not answer.any()

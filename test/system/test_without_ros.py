@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 NEEDS_ROS = (
     "cacc_platoon.nodes",
     "cacc_platoon.supervision",
@@ -91,6 +91,18 @@ def test_what_decides_in_a_run_is_tested_without_ros_in_seconds():
 def test_the_core_needs_numpy_alone(room):
     absent = "matplotlib rosbags ruamel scipy control mcap yaml"
     answer = run_without(f"import cacc_platoon.{room}", also=absent)
+    assert answer.returncode == 0, answer.stderr
+
+
+def test_tests_marked_unit_need_no_ros(pytestconfig):
+    """Decided by what a file imports, here by importing it."""
+    conftest = pytestconfig.pluginmanager.get_plugin(str(ROOT / "test" / "conftest.py"))
+    files = [
+        path for path in (ROOT / "test").rglob("test_*.py") if conftest.kind_of(path) == "unit"
+    ]
+    assert len(files) > 20
+    program = "import runpy\nfor name in sys.argv[1:]: runpy.run_path(name)"
+    answer = run_without(program, *map(str, files))
     assert answer.returncode == 0, answer.stderr
 
 
