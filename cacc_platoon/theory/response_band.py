@@ -1,4 +1,7 @@
-"""How ``|H(j omega)|`` of one design spreads over the lags and effective gains it must tolerate."""
+"""How ``|H(j omega)|`` of one design spreads over the lags and effective gains it must tolerate.
+
+The hop H is that of docs/theory.md, section 1 (Setting).
+"""
 
 from __future__ import annotations
 

@@ -1,18 +1,28 @@
-"""A noise relay started manually whose channel yields NaN at sample 100."""
+"""A noise relay whose channel, one of its own, yields NaN at sample 100."""
 
 import math
 import sys
 
-from cacc_platoon.model import FactorStream
-from cacc_platoon.stepping import lockstep
+import numpy as np
+
+from cacc_platoon.model import Delivery
+from cacc_platoon.scenario import Follower
 from cacc_platoon.supervision import entry_points
 
 
-class SpoiledStream(FactorStream):
-    def at(self, sample: int) -> float:
-        return math.nan if sample == 100 else super().at(sample)
+class Spoiled:
+    """The follower's own channel but for one factor."""
+
+    prompt = True
+    longest_delay = 0
+
+    def __init__(self, follower: Follower) -> None:
+        self._channel = follower.channel()
+
+    def delivery(self, start: int, stop: int) -> Delivery:
+        delivery = self._channel.delivery(start, stop)
+        return delivery._replace(factor=np.where(delivery.source == 100, math.nan, delivery.factor))
 
 
 if __name__ == "__main__":
-    lockstep.FactorStream = SpoiledStream  # type: ignore[attr-defined]
-    sys.exit(entry_points.noise_relay())
+    sys.exit(entry_points.noise_relay(channel=Spoiled))
