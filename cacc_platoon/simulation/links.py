@@ -76,7 +76,8 @@ class MeanLinks:
 
     The mean of w a is E[w] a. Where a packet arrives with probability p, a receiver that uses zero
     has p E[w] a in the mean, and one that holds has r_k = p E[w] a_k + (1 - p) r_{k-1}: loss and
-    noise of a sample are independent of what was received before (docs/theory.md, Packet loss).
+    noise of a sample are independent of what was received before (docs/theory.md, section 11
+    (Extensions)).
 
     Parameters
     ----------

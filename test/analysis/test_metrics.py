@@ -27,8 +27,8 @@ def test_metrics_of_a_bag_are_those_of_the_arrays(whole_run, scenario):
         assert same(getattr(from_bag, field.name), getattr(from_arrays, field.name)), field.name
 
 
-# docs/theory.md, section 1 (Setting): max|delta_1| and max|delta_12| [m] of the mean system at 100 Hz,
-# platoon length at rest, at its largest [m]
+# docs/theory.md, section 1 (Setting): max|delta_1| and max|delta_12| [m] of the mean system at
+# 100 Hz, platoon length at rest, at its largest [m]
 THEORY = {
     "A": (1.596227, 1.544609, 345.0, 436.729),
     "B": (0.882905, 0.888412, 255.0, None),

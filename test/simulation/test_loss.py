@@ -18,6 +18,7 @@ def lossy(reception="hold", **more):
 def test_what_is_used_is_the_last_that_arrived_or_zero(reception):
     run = simulate(lossy(reception))
     noise = lossy().follower(2).noise().factors(0, len(run.time))
+    assert run.arrivals
     arrived = set(run.arrivals[1].source.tolist())
     assert 0.5 < len(arrived) / len(run.time) < 0.7
     used = 0.0
@@ -92,6 +93,7 @@ def test_one_lossy_link_among_others():
     run, whole = simulate(scenario), simulate(Scenario.from_values({**SHORT, "v2v.loss": 0.0}))
     assert (run.position[:, :2] == whole.position[:, :2]).all()
     assert (run.position[:, 2] != whole.position[:, 2]).any()
+    assert run.arrivals
     assert (run.arrivals[0].sample == np.arange(len(run.time))).all()
 
 
