@@ -39,8 +39,6 @@ os.environ["MPLCONFIGDIR"] = _home
 os.environ["MPLBACKEND"] = "agg"
 os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
 
-NEEDS_ROS = ("rclpy", "cacc_platoon.nodes", "cacc_platoon.supervision", "cacc_platoon.testing")
-WITHOUT_ROS = ("cacc_platoon.supervision.protocol", "cacc_platoon.supervision.run_machine")
 WHOLE = tuple(f"cacc_platoon.{room}" for room in ("cli", "figures", "replay", "report"))
 
 
@@ -55,12 +53,29 @@ def kind_of(path: Path) -> str:
     """Return the marker of a file's tests: by its folder, otherwise by what it imports."""
     if path.is_relative_to(ROOT / "test" / "system"):
         return "system"
-    text = re.sub("from cacc_platoon import ", "import cacc_platoon.", path.read_text())
-    modules = set(re.findall(r"^\s*(?:from|import) ([\w.]+)", text, re.MULTILINE))
-    modules = {name for name in modules if not name.startswith(WITHOUT_ROS)}
-    if any(name.startswith(NEEDS_ROS) for name in modules):
+    if needs_ros(path):
         return "ros"
-    return "report" if any(name.startswith(WHOLE) for name in modules) else "unit"
+    return "report" if any(name.startswith(WHOLE) for name in imported(path)) else "unit"
+
+
+@cache
+def needs_ros(path: Path) -> bool:
+    """Return whether a file, or one of ours that it imports, imports rclpy at its top."""
+    names = imported(path)
+    ours = [ROOT / name.replace(".", "/") for name in names]
+    files = [path.with_suffix(".py") for path in ours] + [path / "__init__.py" for path in ours]
+    return "rclpy" in {name.partition(".")[0] for name in names} or any(
+        needs_ros(file) for file in files if file.is_file()
+    )
+
+
+@cache
+def imported(path: Path) -> frozenset[str]:
+    """Return the modules that a file imports at its top."""
+    text = re.sub(
+        "^from cacc_platoon import ", "import cacc_platoon.", path.read_text(), flags=re.M
+    )
+    return frozenset(re.findall(r"^(?:from|import) ([\w.]+)", text, re.M))
 
 
 @pytest.fixture(scope="session")

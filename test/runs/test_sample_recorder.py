@@ -62,7 +62,8 @@ def test_progress_is_what_every_topic_has_whatever_the_order(random) -> None:
 def test_the_last_sample_is_reported_though_no_stride_ends_there() -> None:
     scenario = Scenario.from_values({"run.duration": 0.13, "run.window": 20}, None, "test")
     progress: list[int] = []
-    writers = {POSE.name: [].append}
+    messages: list[bytes] = []
+    writers = {POSE.name: messages.append}
     recorder = SampleRecorder(scenario, [POSE], writers, FOLDER, progress.append)
     receive = recorder.receiver(POSE)
     for k in range(14):
@@ -73,7 +74,9 @@ def test_the_last_sample_is_reported_though_no_stride_ends_there() -> None:
 def test_a_window_of_one_sample_reports_every_sample() -> None:
     scenario = Scenario.from_values({"run.duration": 0.1, "run.window": 1}, None, "test")
     progress: list[int] = []
-    recorder = SampleRecorder(scenario, [POSE], {POSE.name: [].append}, FOLDER, progress.append)
+    messages: list[bytes] = []
+    writers = {POSE.name: messages.append}
+    recorder = SampleRecorder(scenario, [POSE], writers, FOLDER, progress.append)
     for k in range(11):
         recorder.receiver(POSE)(POSE.codec.encode(k * STEP, 0.0))
     assert progress == list(range(11))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -276,7 +277,7 @@ def test_parameters_that_differ_from_those_of_the_run_are_named() -> None:
 
 def test_parameters_that_agree_or_are_a_nodes_own_affair_are_no_failure() -> None:
     play = Play().started()
-    given = {
+    given: dict[str, dict[str, Any]] = {
         "vehicle_1/vehicle": {"run.step": 0.01, "run.hosts": 77},
         "vehicle_0/leader": {"leader.file": "elsewhere.csv"},
     }
@@ -287,7 +288,7 @@ def test_parameters_that_agree_or_are_a_nodes_own_affair_are_no_failure() -> Non
 
 def test_parameters_of_what_is_no_node_are_a_failure_and_no_error() -> None:
     play = Play().started()
-    given: dict[str, dict[str, object]] = {"nonsense": {"run.step": 0.02}}
+    given: dict[str, dict[str, Any]] = {"nonsense": {"run.step": 0.02}}
     play.after(TICK, HostReported(FRONT))
     play.after(TICK, HostReported(dataclasses.replace(REAR, parameters=given)))
     assert play.run.end

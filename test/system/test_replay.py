@@ -135,7 +135,7 @@ def test_what_if_begins_in_the_recorded_state(recorded: Path, trajectory: Trajec
     setting = "controller.time_headway=0.8"
     result = replay(recorded, "--vehicle", 3, "--set", setting, "--json")
     follower = load_scenario(PAPER_A, [*SHORT, f"vehicle_3.{setting}"]).follower(3)
-    plant, law = follower.plant(0.01), follower.law()
+    plant, law = follower.plant(0.01), follower.spacing_policy()
     ahead = zip(trajectory.position[:, 2], trajectory.velocity[:, 2], strict=True)
     state = State(trajectory.position[0, 3], trajectory.velocity[0, 3], 0.0)
     gaps, errors = [], []
