@@ -105,9 +105,9 @@ def test_designs_in_one_place_share_a_label_inside_of_the_axes():
     wide = assess(Gains(1.3, 0.5, 0.62, 0.1), 5.0, 0.5, name="wide")
     axes = Figure().subplots()
     plot_pareto_front(axes, [one, wide], [one, other, wide], latency_cap=0.1)
-    labels = {text.get_text(): text.get_ha() for text in axes.texts}
+    labels = {text.get_text(): text.get_horizontalalignment() for text in axes.texts}
     assert labels == {"one, other": "left", "wide": "right"}
-    assert axes.collections[1].get_offsets().tolist() == [[1.3, 0.1]]  # beyond the axis
+    assert np.asarray(axes.collections[1].get_offsets()).tolist() == [[1.3, 0.1]]  # beyond the axis
 
 
 def test_a_place_that_cannot_be_written_is_refused(tmp_path):

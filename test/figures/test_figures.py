@@ -95,7 +95,10 @@ def test_svg_stands_alone_and_is_the_same_every_time():
 
 def test_one_file_says_how_figures_look():
     room = Path(style.__file__).parent
-    for told, where in ((r"rcParams|rc_context|FigureCanvas", room.parent), (r"#[\dA-Fa-f]{6}", room)):
+    for told, where in (
+        (r"rcParams|rc_context|FigureCanvas", room.parent),
+        (r"#[\dA-Fa-f]{6}", room),
+    ):
         files = [path for path in where.rglob("*.py") if re.search(told, path.read_text())]
         assert files == [Path(style.__file__)]
 
