@@ -1,4 +1,7 @@
-"""How ``|H(j omega)|`` of one design spreads over the lags and effective gains it must tolerate."""
+"""How ``|H(j omega)|`` of one design spreads over the lags and effective gains it must tolerate.
+
+What the band must stay below is derived in docs/theory.md, section 3 (The exact test).
+"""
 
 from __future__ import annotations
 
