@@ -1,8 +1,7 @@
 """Why a design holds or fails: by value, rule, consequence and remedy, and by its formulas.
 
-The paper's formulas are those of
-docs/theory.md, section 2 (The paper's theorem, and its slips), the exact ones those of
-docs/theory.md, section 3 (The exact test).
+The paper's formulas are those of docs/theory.md, section 2 (The paper's theorem, and its slips),
+the exact ones those of docs/theory.md, section 3 (The exact test).
 """
 
 from __future__ import annotations

@@ -99,7 +99,7 @@ def checked_interval(k_a: float, rho: float, *, reception: float = 1.0) -> Effec
 
 
 def k_a_max(rho: float) -> float:
-    """Cap ``1/(1 + 1/rho)`` of the gain, itself excluded (equation (16), largest k_a).
+    """Cap of the feed-forward gain, ``1/(1 + 1/rho)``, excluded (equation (16), largest k_a).
 
     Examples
     --------

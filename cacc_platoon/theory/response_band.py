@@ -1,6 +1,6 @@
 """How ``|H(j omega)|`` of one design spreads over the lags and effective gains it must tolerate.
 
-The hop H is that of docs/theory.md, section 1 (Setting).
+What the band must stay below is derived in docs/theory.md, section 3 (The exact test).
 """
 
 from __future__ import annotations

@@ -114,7 +114,10 @@ STABLE = {"latency margin", "critical period", "headway", "L-infinity gain", "sl
     ],
 )
 def test_requirements_read_the_certificate(ask, missed):
-    """Case A: 81.8 ms of docs/theory.md, section 7 (V2V latency), 44.3 ms, 1.0396 and 69 s."""
+    """Case A: latency margin 81.8 ms of docs/theory.md, section 7 (V2V latency), critical period
+    44.3 ms of docs/theory.md, section 6 (Sampling), L-infinity gain 1.0396 of docs/theory.md,
+    section 5 (Two gains), and a slowest mode of 69.36 s.
+    """
     unmet = ask.unmet(certify(A, 5.0, 0.5))
     assert {name for name in STABLE if any(line.startswith(name) for line in unmet)} == missed
     assert len(unmet) == len(missed)

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from cacc_platoon.model import Gains
 from cacc_platoon.theory import (
-    Certificate,
     Failure,
     certify,
     exact_region,
@@ -21,6 +20,12 @@ from cacc_platoon.theory import (
 )
 
 A = Gains(0.95, 0.5, 0.63, 0.009)
+
+
+def failure_of(gains: Gains, reception: float = 1.0) -> Failure:
+    failure = explain_failure(certify(gains, 5.0, 0.5, reception=reception))
+    assert failure is not None
+    return failure
 
 
 @pytest.mark.parametrize(
@@ -47,18 +52,12 @@ def test_failures_name_value_rule_and_remedy_and_the_remedy_works(gains, words):
         assert region.contains(gains.k_p, (low + high) / 2)
 
 
-def failure_of(certificate: Certificate) -> Failure:
-    failure = explain_failure(certificate)
-    assert failure is not None
-    return failure
-
-
 def test_the_condition_said_to_be_broken_is_the_one_that_is():
     """C = k_p (h (2 k_v + h k_p) - 2 (1 - k)) at k = 0.4; at k = 0.6 only the other one breaks."""
-    slow = failure_of(certify(A._replace(k_v=0.5), 5.0, 0.5)).consequence
+    slow = failure_of(A._replace(k_v=0.5)).consequence
     assert "slow disturbances" in slow
     assert f"C = {0.009 * (0.95 * (1 + 0.95 * 0.009) - 1.2):.4g} < 0 at k_a E[w] = 0.4" in slow
-    fast = failure_of(certify(A._replace(k_v=0.8), 5.0, 0.5)).consequence
+    fast = failure_of(A._replace(k_v=0.8)).consequence
     margin = propagation_margins(A._replace(k_v=0.8), 0.5, 0.6).margin
     assert f"B + 2 tau_0 sqrt(C) = {margin:.4g} < 0 at k_a E[w] = 0.6" in fast
     assert margin < 0 <= propagation_margins(A._replace(k_v=0.8), 0.5, 0.4).margin
@@ -85,10 +84,10 @@ def test_one_effective_gain_is_explained_at_its_own_lag():
 
 def test_lost_packets_enter_every_rule():
     """2 tau_0/(1 + p m k_a) with p = 0.5, m k_a = 0.4; the paper's bound with 1 - 0.2."""
-    short = failure_of(certify(A._replace(time_headway=0.8), 5.0, 0.5, reception=0.5))
+    short = failure_of(A._replace(time_headway=0.8), reception=0.5)
     assert "below 0.833333 s = 2 tau_0/(1 + 0.5 (1 - 1/rho) k_a)" in short.condition
     assert f"above {2 * 0.5 * (1 - 0.2) / (1 - 0.36):.6g} s" in short.remedy
-    slow = failure_of(certify(A._replace(k_p=0.2), 5.0, 0.5, reception=0.5))
+    slow = failure_of(A._replace(k_p=0.2), reception=0.5)
     assert "k_a E[w] = 0.2" in slow.consequence
     held = certify(Gains(1.3, 0.5, 0.62, 0.1), 5.0, 0.5, reception=0.5)
     assert held.string_stable
