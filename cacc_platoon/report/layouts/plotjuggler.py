@@ -160,7 +160,8 @@ def _spacing_error(view: View, index: int) -> Computed:
 
 def _add_tabs(root: Element, name: str, tabs: Sequence[Tab]) -> None:
     """Add pages; `id` is for version 4, which keeps its state by it."""
-    pages = SubElement(root, "tabbed_widget", id="platoon", name=name, parent="main_window")
+    place = {"id": "platoon", "name": name, "parent": "main_window"}
+    pages = SubElement(root, "tabbed_widget", place)
     for number, tab in enumerate(tabs):
         tab_id = f"tab_{number}"
         page = SubElement(pages, "Tab", id=tab_id, tab_name=tab.name, containers="1")
@@ -169,8 +170,8 @@ def _add_tabs(root: Element, name: str, tabs: Sequence[Tab]) -> None:
         splitter = SubElement(
             container, "DockSplitter", orientation="-", count=str(count), sizes=sizes
         )
-        for place, area in enumerate(tab.areas):
-            area_id = f"{tab_id}_area_{place}"
+        for row, area in enumerate(tab.areas):
+            area_id = f"{tab_id}_area_{row}"
             dock = SubElement(splitter, "DockArea", id=area_id, name=area.title)
             plot = SubElement(dock, "plot", id=f"{area_id}_plot", mode="TimeSeries", style="Lines")
             for curve in area.curves:
