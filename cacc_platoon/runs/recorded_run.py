@@ -102,13 +102,8 @@ def read_run(
     """
     raw = read_bag(bag, progress)
     info = _read_info(folder, raw)
-    platoons = find_platoons(raw.topics)
-    if not any(platoon.messages for platoon in platoons):
-        raise BagError(f"{bag}: {_why_no_platoon(raw)}")
     notes = [*_unfinished(info), *raw.damage]
-    platoon = _choose(platoons, bag, namespace, scenario or recorded_scenario(raw, None, None, []))
-    notes += _other_platoons(platoons, platoon, raw)
-    scenario = _scenario(raw, platoon, folder, scenario, notes)
+    platoon, scenario = identify(raw, folder, scenario, namespace, notes)
     graph = Graph.of(scenario)
     topics = graph.roles
     signals, faults = _decode_all(raw, topics, notes)
@@ -149,6 +144,42 @@ def _read_info(folder: Path | None, raw: RawBag) -> dict[str, Any]:
         raw.damage.append(f"{INFO_FILE} is damaged and left out")
         return {}
     return document if isinstance(document, dict) else {}
+
+
+def identify(
+    raw: RawBag,
+    folder: Path | None,
+    given: Scenario | None,
+    namespace: str | None,
+    notes: list[str],
+) -> tuple[FoundPlatoon, Scenario]:
+    """Return which platoon of a bag is meant, and its parameters.
+
+    Parameters
+    ----------
+    raw : RawBag
+        The bag.
+    folder : Path or None
+        The run folder around it.
+    given : Scenario or None
+        Parameters to use instead of those in the bag.
+    namespace : str or None
+        Which platoon, when the bag holds several.
+    notes : list of str
+        What is wrong or left out is appended, one line each.
+
+    Raises
+    ------
+    BagError
+        When there is no platoon in the bag, or nothing says what its parameters are.
+    """
+    platoons = find_platoons(raw.topics)
+    if not any(platoon.messages for platoon in platoons):
+        raise BagError(f"{raw.path}: {_why_no_platoon(raw)}")
+    told = given or recorded_scenario(raw, None, None, [])
+    platoon = _choose(platoons, raw.path, namespace, told)
+    notes += _other_platoons(platoons, platoon, raw)
+    return platoon, _scenario(raw, platoon, folder, given, notes)
 
 
 def _scenario(

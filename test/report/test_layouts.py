@@ -9,10 +9,14 @@ import pytest
 import yaml  # PyYAML, not the library that writes the layouts
 from rosbags.typesys import Stores, get_typestore
 
+from cacc_platoon.bags.rows import TopicRows
+from cacc_platoon.cli import layout as layout_verb
+from cacc_platoon.cli import main
 from cacc_platoon.errors import UserError
 from cacc_platoon.report.layouts import VIEWERS, View, write_layouts
 from cacc_platoon.report.layouts.plots import MOST_CURVES
 from cacc_platoon.scenario import Scenario
+from msg_adapters.topics import VehicleTopics
 
 ROS = get_typestore(Stores.ROS2_JAZZY)
 TYPES = {
@@ -34,13 +38,13 @@ PLATOONS = {
 
 
 @pytest.fixture(params=PLATOONS.values(), ids=PLATOONS.keys())
-def scenario(request):
+def shown(request):
     return Scenario.from_values(request.param)
 
 
 @pytest.fixture
-def files(scenario, tmp_path):
-    layouts = write_layouts(View.of_scenario(scenario), tmp_path)
+def files(shown, tmp_path):
+    layouts = write_layouts(View.of_scenario(shown), tmp_path)
     return {layout.viewer: layout.file for layout in layouts}
 
 
@@ -97,21 +101,21 @@ def expected_curves(scenario):
     return curves | {(f"{prefix}/vehicle_{first}/v2v/accel", "accel.linear.x")}
 
 
-def test_foxglove(scenario, files):
+def test_foxglove(shown, files):
     layout = json.loads(files["Foxglove"].read_text())
     panels = layout["configById"]
     series = [path for panel in panels.values() for path in panel.get("paths", ())]
-    shown = {split_foxglove(path["value"]) for path in series}
-    assert shown == expected_curves(scenario)
-    assert shown <= numbers(scenario, ".")
+    drawn = {split_foxglove(path["value"]) for path in series}
+    assert drawn == expected_curves(shown)
+    assert drawn <= numbers(shown, ".")
     assert all(path["timestampMethod"] == "headerStamp" for path in series)
     for name, panel in panels.items():
         if name.startswith("Plot!"):
             assert sum(path["enabled"] for path in panel["paths"]) <= MOST_CURVES
             assert panel["paths"][0]["enabled"]
             assert panel["paths"][-1]["enabled"]
-    prefix = scenario.platoon.namespace
-    poses = [f"{prefix}/vehicle_{i}/pose" for i in vehicles(scenario)]
+    prefix = shown.platoon.namespace
+    poses = [f"{prefix}/vehicle_{i}/pose" for i in vehicles(shown)]
     assert list(panels["3D!platoon"]["topics"]) == [*poses, f"{prefix}/markers"]
     assert panels["RawMessages!scenario"]["topicPath"] == f"{prefix}/scenario"
     assert sorted(leaves(layout["layout"])) == sorted(panels)
@@ -127,11 +131,11 @@ def leaves(node):
     return [node] if isinstance(node, str) else [*leaves(node["first"]), *leaves(node["second"])]
 
 
-def test_plotjuggler_3(scenario, files):
+def test_plotjuggler_3(shown, files):
     document = xml.dom.minidom.parse(str(files["PlotJuggler 3"]))
     snippets = {s.getAttribute("name"): s for s in document.getElementsByTagName("snippet")}
     curves = [c.getAttribute("name") for c in document.getElementsByTagName("curve")]
-    known = {f"{topic}/{field}" for topic, field in numbers(scenario, "/")}
+    known = {f"{topic}/{field}" for topic, field in numbers(shown, "/")}
     assert set(curves) <= known | set(snippets)
     assert set(snippets) <= set(curves)
     for snippet in snippets.values():
@@ -142,28 +146,28 @@ def test_plotjuggler_3(scenario, files):
             *(node for node in others.childNodes if node.nodeType == node.ELEMENT_NODE),
         ]
         assert {source.firstChild.data for source in sources} <= known
-    followers = list(vehicles(scenario))[1:]
+    followers = list(vehicles(shown))[1:]
     drawn = {f"gap_{i}" for i in (followers[0], followers[-1])}
-    if scenario.record.spacing_error:
+    if shown.record.spacing_error:
         assert not any(name.startswith("delta") for name in snippets)
     else:
         drawn |= {f"delta_{i}" for i in (followers[0], followers[-1])}
     assert drawn <= set(snippets)
     if len(followers) <= MOST_CURVES:
-        expected = {f"{t}/{f.replace('.', '/')}" for t, f in expected_curves(scenario)}
+        expected = {f"{t}/{f.replace('.', '/')}" for t, f in expected_curves(shown)}
         assert set(curves) - set(snippets) == expected
     check_docks(document)
 
 
-def test_plotjuggler_4(scenario, files):
+def test_plotjuggler_4(shown, files):
     document = xml.dom.minidom.parse(str(files["PlotJuggler 4"]))
     root = document.documentElement
     assert (root.tagName, root.getAttribute("pj4_version")) == ("root", "4")
     assert root.getAttribute("binding") == "generic"
     curves = document.getElementsByTagName("curve")
-    shown = {(c.getAttribute("topic"), c.getAttribute("field")) for c in curves}
-    assert shown == {(t, f.replace(".", "/")) for t, f in expected_curves(scenario)}
-    assert shown <= numbers(scenario, "/")
+    drawn = {(c.getAttribute("topic"), c.getAttribute("field")) for c in curves}
+    assert drawn == {(t, f.replace(".", "/")) for t, f in expected_curves(shown)}
+    assert drawn <= numbers(shown, "/")
     for plot in document.getElementsByTagName("plot"):
         visible = [c.getAttribute("visible") for c in plot.getElementsByTagName("curve")]
         assert visible.count("true") <= MOST_CURVES
@@ -194,18 +198,18 @@ def check_docks(document):
             assert elements(plot)
 
 
-def test_rviz(scenario, files):
+def test_rviz(shown, files):
     config = yaml.safe_load(files["RViz"].read_text())
     manager = config["Visualization Manager"]
     assert manager["Global Options"]["Fixed Frame"] == "map"
     displays = {display["Name"]: display for display in manager["Displays"]}
-    prefix = scenario.platoon.namespace
+    prefix = shown.platoon.namespace
     poses = {
         name: display["Topic"]["Value"]
         for name, display in displays.items()
         if display["Class"] == "rviz_default_plugins/Pose"
     }
-    assert poses == {f"vehicle {i}": f"{prefix}/vehicle_{i}/pose" for i in vehicles(scenario)}
+    assert poses == {f"vehicle {i}": f"{prefix}/vehicle_{i}/pose" for i in vehicles(shown)}
     assert displays["markers"]["Topic"]["Value"] == f"{prefix}/markers"
 
 
@@ -253,3 +257,80 @@ def test_a_folder_that_cannot_be_made_is_one_line(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(UserError, match="cannot be written"):
         write_layouts(View.of_scenario(Scenario()), tmp_path / "file" / "layouts")
+
+
+def run_layout(capsys, *arguments):
+    """Run the verb and return its exit code and the object it prints."""
+    code = main(["layout", "--json", *map(str, arguments)])
+    out, error = capsys.readouterr()
+    return code, json.loads(out) if out else error
+
+
+def test_a_run_folder_gets_them_inside(bags, tmp_path, capsys):
+    values = {"platoon.namespace": "/lab/green", "record.command": True}
+    run = bags.run(tmp_path / "run", bags.scenario(values)).path
+    code, answer = run_layout(capsys, run)
+    assert (code, answer["format"]) == (0, 1)
+    files = {layout["viewer"]: Path(layout["file"]) for layout in answer["layouts"]}
+    assert set(files) == {"Foxglove", "PlotJuggler 3", "PlotJuggler 4", "RViz"}
+    assert {file.parent for file in files.values()} == {run / "layouts"}
+    assert "/lab/green/vehicle_1/command.accel.linear.x" in files["Foxglove"].read_text()
+    [loaded] = xml.dom.minidom.parse(str(files["PlotJuggler 3"])).getElementsByTagName("fileInfo")
+    assert (run / "layouts" / loaded.getAttribute("filename")).resolve().is_file()
+    assert str(run / "bag" / "bag.mcap") in answer["layouts"][0]["open"]
+
+
+def test_a_scenario_file_gets_them_in_the_working_folder(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    file = Path("mine.yaml")
+    file.write_text("/**: {ros__parameters: {platoon: {followers: 2}}}\n")
+    code, answer = run_layout(capsys, file, "--for", "rviz", "--set", "platoon.followers=3")
+    assert code == 0
+    assert [layout["file"] for layout in answer["layouts"]] == ["mine_layouts/platoon.rviz"]
+    assert "vehicle_3" in Path("mine_layouts/platoon.rviz").read_text()
+
+
+def test_a_bag_of_another_tool_shows_what_is_in_it(bags, tmp_path, capsys):
+    scenario = bags.scenario({"platoon.namespace": "/other", "platoon.first_follower": 5})
+    recording = bags.record(scenario)
+    error = VehicleTopics("/other", 5).spacing_error
+    stamps = [k * scenario.step_ns for k in range(scenario.samples)]
+    messages = error.codec.encode_many(stamps, [0.0] * len(stamps))
+    recording[error.name] = TopicRows(error.kind.type_name, messages)
+    bag = bags.foreign(tmp_path / "taken", scenario, recording)
+    code, answer = run_layout(capsys, bag)
+    assert code == 0
+    layouts = tmp_path / "taken_layouts"
+    assert {Path(layout["file"]).parent for layout in answer["layouts"]} == {layouts}
+    text = (layouts / "foxglove.json").read_text()
+    assert "/other/vehicle_5/spacing_error.vector.x" in text
+    assert "/other/vehicle_5/command" not in text
+    # sqlite3 is nothing that PlotJuggler's MCAP loader reads
+    assert "fileInfo" not in (layouts / "plotjuggler3.xml").read_text()
+
+
+def test_what_holds_no_platoon_is_refused_in_one_line(tmp_path, capsys):
+    (tmp_path / "empty").mkdir()
+    assert main(["layout", str(tmp_path / "empty")]) == 2
+    assert "holds no .mcap or .db3 file" in capsys.readouterr().err
+    assert main(["layout", str(tmp_path / "none.yaml")]) == 2
+    assert "none.yaml: cannot be read" in capsys.readouterr().err
+
+
+def test_the_values_of_a_recording_cannot_be_set(whole_run, capsys):
+    assert main(["layout", str(whole_run), "--set", "platoon.followers=3"]) == 2
+    assert "was recorded with its own parameters" in capsys.readouterr().err
+
+
+def test_the_viewers_of_the_command_are_those_of_the_library():
+    assert layout_verb.VIEWERS == VIEWERS
+
+
+def test_without_json_every_file_is_named_with_how_to_open_it(whole_run, tmp_path, capsys):
+    assert main(["layout", str(whole_run), "-o", str(tmp_path / "out")]) == 0
+    out = capsys.readouterr().out
+    for file in (tmp_path / "out").iterdir():
+        assert str(file) in out
+    assert "Import from file" in out
+    assert "plotjuggler --layout" in out
+    assert "rviz2 -d" in out

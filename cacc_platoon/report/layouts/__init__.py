@@ -9,10 +9,10 @@ from typing import NamedTuple
 from cacc_platoon.errors import UserError
 from cacc_platoon.report.layouts.foxglove import foxglove_layout
 from cacc_platoon.report.layouts.plotjuggler import plotjuggler3_layout, plotjuggler4_layout
-from cacc_platoon.report.layouts.plots import View
 from cacc_platoon.report.layouts.rviz import rviz_layout
+from cacc_platoon.report.layouts.view import View, view_of
 
-__all__ = ["VIEWERS", "Layout", "View", "write_layouts"]
+__all__ = ["VIEWERS", "Layout", "View", "view_of", "write_layouts"]
 
 VIEWERS = ("foxglove", "plotjuggler", "rviz")
 

@@ -11,7 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from cacc_platoon.report.layouts.plots import Curve, Plot, View, plots
+from cacc_platoon.report.layouts.plots import Curve, Plot, plots
+from cacc_platoon.report.layouts.view import View
 from msg_adapters.topics import PlatoonTopics
 
 TITLES = ("foxglovePanelTitle", "lichtblickPanelTitle")

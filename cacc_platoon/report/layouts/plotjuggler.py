@@ -15,7 +15,8 @@ from typing import NamedTuple
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from cacc_platoon.figures.style import spread
-from cacc_platoon.report.layouts.plots import MOST_CURVES, Curve, Plot, View, plots
+from cacc_platoon.report.layouts.plots import MOST_CURVES, Curve, Plot, plots
+from cacc_platoon.report.layouts.view import View
 from msg_adapters.topics import Topic
 
 Attributes = dict[str, str]

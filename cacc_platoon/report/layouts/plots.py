@@ -2,67 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from pathlib import Path
 from typing import NamedTuple
 
-from cacc_platoon.figures.style import BLUE, ORANGE, spread, vehicle_colours
-from cacc_platoon.scenario import Follower, Scenario
-from msg_adapters.topics import Topic, VehicleTopics
+from cacc_platoon.figures.style import BLUE, ORANGE, spread
+from cacc_platoon.report.layouts.view import View
+from msg_adapters.topics import Topic
 
 MOST_CURVES = 25
 """More curves in one plot cannot be told apart; the others are there but hidden at first."""
-
-
-@dataclass(frozen=True)
-class View:
-    """What the layouts are for.
-
-    Attributes
-    ----------
-    scenario : Scenario
-        Whose platoon is shown; its namespace and indices name the topics.
-    command, spacing_error : bool
-        Whether vehicles publish `command` and `spacing_error`.
-    storage : Path or None
-        The MCAP file to show; None for a run that has not been recorded yet.
-    """
-
-    scenario: Scenario
-    command: bool
-    spacing_error: bool
-    storage: Path | None = None
-
-    @classmethod
-    def of_scenario(cls, scenario: Scenario, storage: Path | None = None) -> View:
-        """Return the view of a platoon that publishes what its scenario asks for."""
-        record = scenario.record
-        return cls(scenario, record.command, record.spacing_error, storage)
-
-    def vehicle(self, index: int) -> VehicleTopics:
-        """Return the topics of a vehicle."""
-        return VehicleTopics(self.scenario.platoon.namespace, index)
-
-    def follower(self, index: int) -> Follower:
-        """Return the parameters of a follower."""
-        return self.scenario.follower(index)
-
-    @property
-    def length(self) -> float:
-        """From the leader to the last vehicle at the start [m]."""
-        speed = self.scenario.platoon.initial_speed
-        return sum(
-            follower.standstill_distance + follower.gains.time_headway * speed
-            for follower in self.scenario.followers
-        )
-
-    def colours(self) -> dict[int, str]:
-        """Return one colour a vehicle as #rrggbb, from the leader's dark to the last one's light.
-
-        They are those of the report's figures.
-        """
-        vehicles = self.scenario.vehicles
-        return dict(zip(vehicles, map(_hexadecimal, vehicle_colours(len(vehicles))), strict=True))
 
 
 class Curve(NamedTuple):
@@ -148,7 +95,3 @@ def _first_link(view: View) -> Plot:
     )
     title = f"Link {leader} to {first}: sent and received acceleration"
     return Plot("link", title, "m/s^2", curves)
-
-
-def _hexadecimal(colour: tuple[float, ...]) -> str:
-    return "#" + "".join(f"{round(255 * part):02x}" for part in colour[:3])

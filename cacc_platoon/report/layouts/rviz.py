@@ -7,7 +7,7 @@ from typing import Any
 
 from ruamel.yaml import YAML
 
-from cacc_platoon.report.layouts.plots import View
+from cacc_platoon.report.layouts.view import View
 from msg_adapters.topics import PlatoonTopics
 
 WIDTH, HEIGHT = 1600, 900
