@@ -71,7 +71,7 @@ def write_layouts(view: View, folder: Path, viewers: Sequence[str] = VIEWERS) ->
 
 def _layouts(viewer: str, view: View, folder: Path) -> list[tuple[Layout, str]]:
     """Return the files of one viewer with their texts; PlotJuggler has one for each version."""
-    recording = str(view.storage) if view.storage else "the bag's .mcap file"
+    recording = str(view.storage) if view.storage else "the recording"
     match viewer:
         case "foxglove":
             how = f"open {recording}, then Import from file in the list of layouts"
