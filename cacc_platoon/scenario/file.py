@@ -30,7 +30,7 @@ from cacc_platoon.scenario.table import TABLE
 
 FORMAT = Format("cacc_platoon scenario", 1)
 _HEAD = re.compile(r"(?:[ \t]*(?:#.*)?\n)*")
-_VERSION = re.compile(rf"^# {FORMAT.name}, format (\S+)$", re.MULTILINE)
+_VERSION = re.compile(rf"^# {FORMAT.name}, format (\S+)\r?$", re.MULTILINE)
 
 
 def load_scenario(path: str | Path, settings: Iterable[str] = ()) -> Scenario:
