@@ -32,7 +32,7 @@ from cacc_platoon.runs.parts import PartWriter
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import format_scenario
 from cacc_platoon.scenario.schema import scenario_schema
-from msg_adapters.topics import VehicleTopics, run_topics
+from msg_adapters.topics import Graph, VehicleTopics
 
 ROOT = Path(__file__).parents[1]
 FORMATS = ROOT / "docs" / "formats"
@@ -123,7 +123,7 @@ def printed(*arguments: str) -> dict:
 
 
 def part(folder: Path) -> dict:
-    PartWriter(folder, run_topics(Scenario())).close()
+    PartWriter(folder, Graph.of(Scenario()).run_topics).close()
     return json.loads((folder / "topics.json").read_text())
 
 

@@ -13,7 +13,6 @@ from typing import Any, Protocol
 
 from cacc_platoon.report.layouts.plots import Curve, Plot, plots
 from cacc_platoon.report.layouts.view import View
-from msg_adapters.topics import PlatoonTopics
 
 TITLES = ("foxglovePanelTitle", "lichtblickPanelTitle")
 
@@ -72,14 +71,14 @@ class ScenePanel:
 
     def settings(self) -> dict[str, Any]:
         """Return the panel's settings."""
-        view, prefix = self.view, self.view.scenario.platoon.namespace
+        view, graph = self.view, self.view.graph
         topics: dict[str, Any] = {
             view.vehicle(index).pose.name: {"visible": True, "type": "arrow", "color": colour}
             for index, colour in view.colours().items()
         }
-        topics[PlatoonTopics(prefix).markers] = {"visible": True}
+        topics[graph.platoon.markers] = {"visible": True}
         return {
-            **dict.fromkeys(TITLES, f"Platoon {prefix}"),
+            **dict.fromkeys(TITLES, f"Platoon {graph.prefix}"),
             "cameraState": _camera(view.length),
             "followMode": "follow-none",
             "followTf": view.vehicle(view.scenario.leader_index).pose.frame_id,
@@ -122,7 +121,7 @@ def foxglove_layout(view: View) -> str:
         Whose platoon is shown, and what it publishes.
     """
     curves = [PlotPanel(plot) for plot in plots(view)]
-    scenario = TextPanel("scenario", PlatoonTopics(view.scenario.platoon.namespace).scenario)
+    scenario = TextPanel("scenario", view.graph.platoon.scenario)
     scene = ScenePanel(view)
     panels: list[Panel] = [*curves, scene, scenario]
     right = _split("column", 65, scene.id, scenario.id)

@@ -66,7 +66,9 @@ def plotjuggler3_layout(view: View, folder: Path) -> str:
     """
     followers = _drawn(view)
     gaps = [_gap(view, index) for index in followers]
-    errors = [] if view.spacing_error else [_spacing_error(view, index) for index in followers]
+    errors = (
+        [] if view.graph.spacing_error else [_spacing_error(view, index) for index in followers]
+    )
     root = Element("root")
     spacing = Tab("gap", (_computed_area(view, "gap [m]", gaps),))
     if errors:

@@ -66,10 +66,10 @@ def plots(view: View) -> list[Plot]:
         ),
         _first_link(view),
     ]
-    if view.spacing_error:
+    if view.graph.spacing_error:
         topics = [vehicle(i).spacing_error for i in followers]
         found.append(Plot("spacing", "Spacing error delta_i", "m", _curves(view, topics)))
-    if view.command:
+    if view.graph.command:
         topics = [vehicle(i).command for i in followers]
         found.append(Plot("command", "Command u_i", "m/s^2", _curves(view, topics)))
     return found

@@ -8,7 +8,6 @@ from typing import Any
 from ruamel.yaml import YAML
 
 from cacc_platoon.report.layouts.view import View
-from msg_adapters.topics import PlatoonTopics
 
 WIDTH, HEIGHT = 1600, 900
 
@@ -38,7 +37,7 @@ def rviz_layout(view: View) -> str:
 
 
 def _manager(view: View) -> dict[str, Any]:
-    prefix, frame = view.scenario.platoon.namespace, _frame(view)
+    frame = _frame(view)
     poses = [_pose(view, index, colour) for index, colour in view.colours().items()]
     return {
         "Class": "",
@@ -47,7 +46,7 @@ def _manager(view: View) -> dict[str, Any]:
             "Fixed Frame": frame,
             "Frame Rate": 30,
         },
-        "Displays": [_grid(frame), _markers(PlatoonTopics(prefix).markers), *poses],
+        "Displays": [_grid(frame), _markers(view.graph.platoon.markers), *poses],
         "Tools": [
             {"Class": f"rviz_default_plugins/{tool}"}
             for tool in ("MoveCamera", "FocusCamera", "Measure")

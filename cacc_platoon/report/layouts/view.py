@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +16,7 @@ from cacc_platoon.runs.locate import locate
 from cacc_platoon.runs.recorded_run import identify
 from cacc_platoon.scenario import Follower, Scenario
 from cacc_platoon.scenario.file import load_scenario
-from msg_adapters.topics import VehicleTopics
+from msg_adapters.topics import Graph, VehicleTopics
 
 SCENARIO_SUFFIXES = (".yaml", ".yml")
 
@@ -27,27 +28,25 @@ class View:
     Attributes
     ----------
     scenario : Scenario
-        Whose platoon is shown; its namespace and indices name the topics.
-    command, spacing_error : bool
-        Whether vehicles publish `command` and `spacing_error`.
+        Whose platoon is shown.
+    graph : Graph
+        Its topics.
     storage : Path or None
         The MCAP file to show; None for a run that has not been recorded yet.
     """
 
     scenario: Scenario
-    command: bool
-    spacing_error: bool
+    graph: Graph
     storage: Path | None = None
 
     @classmethod
     def of_scenario(cls, scenario: Scenario, storage: Path | None = None) -> View:
         """Return the view of a platoon that publishes what its scenario asks for."""
-        record = scenario.record
-        return cls(scenario, record.command, record.spacing_error, storage)
+        return cls(scenario, Graph.of(scenario), storage)
 
     def vehicle(self, index: int) -> VehicleTopics:
         """Return the topics of a vehicle."""
-        return VehicleTopics(self.scenario.platoon.namespace, index)
+        return self.graph.vehicles[index]
 
     def follower(self, index: int) -> Follower:
         """Return the parameters of a follower."""
@@ -111,13 +110,14 @@ def view_of(
         return View.of_scenario(RunFolder(folder).scenario(), _storage(bag))
     raw = read_bag(bag, progress)
     _, known = identify(raw, folder, scenario, namespace, [])
-    first = VehicleTopics(known.platoon.namespace, known.indices[0])
-    return View(
-        known,
-        first.command.name in raw.topics,
-        first.spacing_error.name in raw.topics,
-        _storage(bag),
+    graph = Graph.of(known)
+    first = graph.vehicles[known.indices[0]]
+    graph = dataclasses.replace(
+        graph,
+        command=first.command.name in raw.topics,
+        spacing_error=first.spacing_error.name in raw.topics,
     )
+    return View(known, graph, _storage(bag))
 
 
 def _storage(bag: Path) -> Path | None:
