@@ -23,17 +23,21 @@ class LayoutError(ValueError):
 
 
 class Kind(NamedTuple):
-    """A message type: a header, then `doubles` numbers, all zero but the first two and `tail`."""
+    """A message type: a header, then `doubles` numbers, all zero but the first two and `tail`.
+
+    `field` is the path of the first of them inside of the message.
+    """
 
     type_name: str
+    field: str
     doubles: int
     tail: tuple[float, ...] = ()
 
 
-POSE = Kind("geometry_msgs/msg/PoseStamped", 7, (1.0,))
-TWIST = Kind("geometry_msgs/msg/TwistStamped", 6)
-ACCEL = Kind("geometry_msgs/msg/AccelStamped", 6)
-VECTOR = Kind("geometry_msgs/msg/Vector3Stamped", 3)
+POSE = Kind("geometry_msgs/msg/PoseStamped", "pose.position.x", 7, (1.0,))
+TWIST = Kind("geometry_msgs/msg/TwistStamped", "twist.linear.x", 6)
+ACCEL = Kind("geometry_msgs/msg/AccelStamped", "accel.linear.x", 6)
+VECTOR = Kind("geometry_msgs/msg/Vector3Stamped", "vector.x", 3)
 
 
 class StampedCodec:

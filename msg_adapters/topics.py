@@ -72,6 +72,7 @@ class PlatoonTopics:
         self.status = f"{prefix}/status"
         self.scenario = f"{prefix}/scenario"
         self.host_state = f"{prefix}/host_state"
+        self.markers = f"{prefix}/markers"
 
     def recorded(self, host: str) -> str:
         """Return the topic on which the recorder of a host publishes its progress."""

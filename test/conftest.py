@@ -18,6 +18,7 @@ from rosbags.rosbag2 import CompressionFormat, StoragePlugin, Writer
 from cacc_platoon.bags.rows import TopicRows
 from cacc_platoon.bags.write import typestore, write_bag
 from cacc_platoon.runs.folder import RunFolder
+from cacc_platoon.runs.info import RunInfo
 from cacc_platoon.runs.recording import recording_of
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import format_scenario
@@ -107,7 +108,7 @@ def record(scenario):
 def make_run(path, scenario):
     """Write a run folder as `platoon simulate` does."""
     folder = RunFolder.create(path, scenario)
-    folder.finish(scenario, record(scenario), {"status": "finished", "message": ""})
+    folder.finish(scenario, record(scenario), RunInfo())
     return folder
 
 

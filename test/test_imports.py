@@ -21,17 +21,18 @@ class Room(NamedTuple):
 
 
 MODEL = {"errors", "model"}
-SCENARIO = MODEL | {"scenario"}
+SCENARIO = MODEL | {"formats", "scenario"}
 RUNS = SCENARIO | {"stepping", "simulation", "msg_adapters", "bags", "runs"}
 JUDGED = RUNS | {"theory", "analysis"}
 ROOMS = {
     "errors": Room(set(), set()),
+    "formats": Room({"errors"}, set()),
     "stop_signal": Room(set(), set()),
     "dds": Room(set(), set()),
     "model": Room({"errors"}, {"numpy"}),
     "theory": Room(MODEL, {"numpy"}),
-    "scenario": Room(MODEL, {"numpy", "ruamel"}),
-    "design": Room({*MODEL, "theory"}, {"numpy"}),
+    "scenario": Room({*MODEL, "formats"}, {"numpy", "ruamel"}),
+    "design": Room({*MODEL, "formats", "theory"}, {"numpy"}),
     "stepping": Room(SCENARIO, {"numpy"}),
     "simulation": Room(SCENARIO, {"numpy"}),
     "msg_adapters": Room(SCENARIO, {"numpy"}),
@@ -41,7 +42,7 @@ ROOMS = {
     "analysis": Room(JUDGED, {"numpy"}),
     "figures": Room({*JUDGED, "design"}, {"numpy"}, {"matplotlib"}),
     "supervision": Room({*RUNS, "stop_signal", "dds", "stepping", "nodes"}, {"numpy", *ROS}),
-    "report": Room({*JUDGED, "design", "figures"}, {"numpy"}, {"matplotlib"}),
+    "report": Room({*JUDGED, "design", "figures"}, {"numpy", "ruamel"}, {"matplotlib"}),
     "replay": Room({*JUDGED, "figures"}, {"numpy"}),
     "testing": Room({*RUNS, "dds", "nodes", "supervision"}, {"numpy", *ROS}),
     "reproduction": Room({*JUDGED, "figures", "report"}, {"numpy"}),

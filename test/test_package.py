@@ -31,6 +31,8 @@ ROSDEP_KEYS = {
     "launch_ros": "ros2launch",
     "pytest": "python3-pytest",
     "hypothesis": "python3-hypothesis",
+    "jsonschema": "python3-jsonschema",
+    "yaml": "python3-yaml",
     "scipy": "python3-scipy",
 }
 

@@ -10,6 +10,7 @@ from ruamel.yaml import YAML
 from cacc_platoon.bags.compressed import read_with_rosbags
 from cacc_platoon.bags.mcap_scan import read_mcap
 from cacc_platoon.bags.raw import BagError, Progress, RawFile, RawTopic
+from cacc_platoon.bags.rows import FORMAT, FORMAT_KEY
 from cacc_platoon.bags.sqlite_scan import read_sqlite
 
 METADATA = "metadata.yaml"
@@ -52,12 +53,17 @@ def read_bag(path: Path, progress: Progress | None = None) -> RawBag:
     ------
     BagError
         When nothing in it can be read.
+    UserError
+        When it follows conventions newer than ours.
     """
     try:
         path.stat()
     except OSError as error:
         raise BagError(f"{path}: {error.strerror}. Give a run folder or a bag.") from error
     metadata, damage = _metadata(path)
+    custom = _custom_data(metadata)
+    version = custom.get(FORMAT_KEY)
+    FORMAT.check(int(version) if version and version.isdecimal() else version, str(path))
     parts: list[RawFile] = []
     refusals: list[BagError] = []
     mode = str(metadata.get("compression_mode") or "").lower()
@@ -79,9 +85,12 @@ def read_bag(path: Path, progress: Progress | None = None) -> RawBag:
     for part in parts:
         for topic in part.topics:
             topics.setdefault(topic.name, []).append(topic)
+    return RawBag(path, topics, damage, custom)
+
+
+def _custom_data(metadata: dict[str, Any]) -> dict[str, str]:
     custom = metadata.get("custom_data")
-    texts = {str(k): str(v) for k, v in custom.items()} if isinstance(custom, dict) else {}
-    return RawBag(path, topics, damage, texts)
+    return {str(k): str(v) for k, v in custom.items()} if isinstance(custom, dict) else {}
 
 
 def _read_file(file: Path, progress: Progress | None) -> RawFile:

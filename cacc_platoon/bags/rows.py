@@ -8,6 +8,12 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from cacc_platoon.formats import Format
+
+FORMAT = Format("bag", 1)
+FORMAT_KEY = "cacc_platoon_format"
+"""Where a bag's metadata says which version of our conventions it follows."""
+
 
 class TopicRows(NamedTuple):
     """The messages of one topic, in the order of their delivery.

@@ -21,7 +21,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
-from cacc_platoon.bags.rows import Recording
+from cacc_platoon.bags.rows import FORMAT, FORMAT_KEY, Recording
 from msg_adapters.text import encode_string
 
 STRING_TYPE = "std_msgs/msg/String"
@@ -64,7 +64,8 @@ def write_bag(
         Called now and then with the sample reached and the number of samples.
     """
     writer = Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP)
-    for key, value in {"scenario": scenario_text, **custom_data}.items():
+    version = {FORMAT_KEY: str(FORMAT.version)}
+    for key, value in {"scenario": scenario_text, **version, **custom_data}.items():
         writer.set_custom_data(key, value)
     writer.open()
     try:

@@ -13,7 +13,7 @@ from cacc_platoon import __version__
 from cacc_platoon.cli.exit_codes import BAD_INPUT, FAILED, INTERRUPTED
 from cacc_platoon.errors import UserError
 
-VERBS = ("design", "run", "simulate", "report", "replay", "paper", "parameters", "doctor")
+VERBS = ("design", "run", "simulate", "report", "replay", "layout", "paper", "parameters", "doctor")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

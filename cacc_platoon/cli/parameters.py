@@ -3,20 +3,31 @@
 from __future__ import annotations
 
 import argparse
+import json
 
 from cacc_platoon.cli.exit_codes import DONE
 from cacc_platoon.scenario.parameter import KIND_TEXT, Parameter
+from cacc_platoon.scenario.schema import scenario_schema
 from cacc_platoon.scenario.table import SNR_DB, TABLE
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the verb's arguments."""
-    parser.add_argument("--markdown", action="store_true", help="print a table for a document")
+    shape = parser.add_mutually_exclusive_group()
+    shape.add_argument("--markdown", action="store_true", help="print a table for a document")
+    shape.add_argument(
+        "--schema",
+        action="store_true",
+        help="print the JSON Schema of scenario files, by which editors complete keys",
+    )
 
 
 def run(options: argparse.Namespace) -> int:
     """Print the parameter table."""
-    print(markdown_table() if options.markdown else plain_list())
+    if options.schema:
+        print(json.dumps(scenario_schema(), indent=2))
+    else:
+        print(markdown_table() if options.markdown else plain_list())
     return DONE
 
 

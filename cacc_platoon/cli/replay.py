@@ -153,39 +153,26 @@ def _answer(
 ) -> tuple[dict[str, Any], list[str], int]:
     """Return the JSON document, the lines to print and the exit code; write what was asked for."""
     from cacc_platoon.replay import (  # noqa: PLC0415  (heavy)
+        comparison_document,
         first_difference,
         possible_causes,
         what_if,
+        what_if_document,
         what_if_figure,
     )
 
-    document: dict[str, Any] = {
-        "vehicle": record.index,
-        "node": record.node,
-        "samples": record.samples,
-        "messages": record.samples * len(record.outputs),
-        "notes": list(record.notes),
-    }
     figure, code = "", DONE
     if options.set:
         answer = what_if(record, scenario, replayed)
         figure = what_if_figure(answer, record.index, options.set)
-        document |= {
-            "set": options.set,
-            "recorded": answer.recorded._asdict(),
-            "replayed": answer.replayed._asdict(),
-        }
+        document = what_if_document(record, options.set, answer)
         lines = _what_if_lines(record, answer, options.set)
     elif difference := first_difference(record, replayed):
         causes, code = possible_causes(record), FAILED
-        document |= {
-            "identical": False,
-            "first_difference": difference._asdict(),
-            "possible_causes": causes,
-        }
+        document = comparison_document(record, difference, causes)
         lines = [f"{difference}. Possible causes: {'; '.join(causes)}."]
     else:
-        document |= {"identical": True, "first_difference": None}
+        document = comparison_document(record)
         lines = [f"{document['messages']} messages identical{_until(record)}"]
     if options.output:
         _write(options.output, document, figure)

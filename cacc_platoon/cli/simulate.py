@@ -16,6 +16,7 @@ from cacc_platoon.cli.progress import ProgressLine
 from cacc_platoon.cli.run import add_scenario_arguments
 from cacc_platoon.errors import UserError
 from cacc_platoon.runs.folder import RunFolder, default_run_folder
+from cacc_platoon.runs.info import RunInfo
 from cacc_platoon.scenario.file import load_scenario
 
 if TYPE_CHECKING:
@@ -68,16 +69,12 @@ def simulate_run(scenario: Scenario, path: Path, progress: ProgressLine | None =
     begun = time.monotonic()
     trajectory = simulate(scenario, progress=_named("simulating", progress))
     wall = time.monotonic() - begun
-    info = {
-        "status": "finished",
-        "message": "",
-        "samples": len(trajectory.position),
-        "wall_time": wall,
-        "real_time_factor": scenario.run.duration / wall if wall else None,
-        "start_time": 0.0,
-        "hosts": [],
-        "unrecorded": [],
-    }
+    info = RunInfo(
+        samples=len(trajectory.position),
+        wall_time=wall,
+        real_time_factor=scenario.run.duration / wall if wall else None,
+        start_time=0.0,
+    )
     folder.finish(scenario, recording_of(trajectory), info, _named("writing the bag", progress))
     return folder
 

@@ -7,10 +7,20 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+from cacc_platoon.design.answer_json import (
+    FORMAT,
+    certificate_document,
+    conservatism_document,
+    design_document,
+    exact_region_document,
+    gains_document,
+    predecessors_document,
+    region_document,
+)
 from cacc_platoon.design.recommend import recommend
 from cacc_platoon.design.requirements import Design, Recommendation, Requirements
 from cacc_platoon.model.control import Gains
-from cacc_platoon.theory.certificate import Certificate, NoiseStatistics, certify
+from cacc_platoon.theory.certificate import NoiseStatistics, certify
 from cacc_platoon.theory.explanation import explain_verdict
 from cacc_platoon.theory.noise_interval import effective_interval, k_a_max, snr_db_from_rho
 from cacc_platoon.theory.packet_loss import (
@@ -124,9 +134,10 @@ def answer(question: Question) -> tuple[dict[str, Any], Recommendation | None]:
     Returns
     -------
     dict
-        Plain data; what is infinite or does not exist is None. Keys: ``rho snr_db tau0 k_a
+        Plain data; what is infinite or does not exist is None. Keys: ``format rho snr_db tau0 k_a
         k_a_max time_headway headway_bound optimal infimum_headway region exact_region
-        conservatism``, and where asked ``certificate verdict extensions recommended front``.
+        conservatism``, and where asked ``certificate verdict extensions recommended front``;
+        docs/formats/design.schema.json has them all.
     Recommendation or None
         The designs found.
 
@@ -153,8 +164,8 @@ def answer(question: Question) -> tuple[dict[str, Any], Recommendation | None]:
             noise=question.noise,
             k_effective=question.k_effective,
         )
-        data["gains"] = gains._asdict()
-        data["certificate"] = _certificate_values(certificate)
+        data["gains"] = gains_document(gains)
+        data["certificate"] = certificate_document(certificate)
         data["verdict"] = explain_verdict(certificate)
     if question.predecessors != 1 or question.reception != 1.0:
         data["extensions"] = _extensions(question)
@@ -172,6 +183,7 @@ def _bounds(question: Question) -> dict[str, Any]:
     exact = exact_region(k_a, headway, rho, tau_max)
     best = optimum(rho, tau_max)
     return {
+        "format": FORMAT.version,
         "rho": rho,
         "snr_db": snr_db_from_rho(rho),
         "tau0": tau_max,
@@ -186,13 +198,9 @@ def _bounds(question: Question) -> dict[str, Any]:
         "optimal": {"k_a": best.k_a, "headway": best.time_headway},
         "infimum_headway": infimum_headway(rho, tau_max),
         "fallback_headway": fallback_headway(tau_max),
-        "region": {
-            **paper._asdict(),
-            "polygon": [list(corner) for corner in paper.polygon],
-            "nonempty": paper.nonempty,
-        },
-        "exact_region": {"nonempty": exact.nonempty, "k_p_min": exact.k_p_min},
-        "conservatism": conservatism(k_a, headway, rho, tau_max)._asdict(),
+        "region": region_document(paper),
+        "exact_region": exact_region_document(exact),
+        "conservatism": conservatism_document(conservatism(k_a, headway, rho, tau_max)),
     }
 
 
@@ -202,9 +210,9 @@ def _extensions(question: Question) -> dict[str, Any]:
     if question.predecessors != 1:
         r = question.predecessors
         bounds = multi_predecessor_bounds(k_a / r, rho, tau_max, r)
-        data["predecessors"] = {"count": r, "k_a": k_a / r, **bounds._asdict()}
+        data["predecessors"] = predecessors_document(r, k_a / r, bounds)
         if gains is not None:
-            data["predecessors"]["gains"] = multi_predecessor_gains(gains, r)._asdict()
+            data["predecessors"]["gains"] = gains_document(multi_predecessor_gains(gains, r))
     if question.reception != 1.0:
         p = question.reception
         data["reception"] = {
@@ -218,41 +226,8 @@ def _extensions(question: Question) -> dict[str, Any]:
     return data
 
 
-def _certificate_values(certificate: Certificate) -> dict[str, Any]:
-    return {
-        "internally_stable": certificate.internally_stable,
-        "in_paper_region": certificate.in_paper_region,
-        "string_stable": certificate.string_stable,
-        "l2_gain": certificate.l2_gain,
-        "peak_frequency": certificate.peak_frequency,
-        "linf_gain": certificate.linf_gain,
-        "sampled": {
-            "period": certificate.period,
-            "string_stable": certificate.sampled_string_stable,
-            "critical_period": certificate.critical_period,
-            "critical_period_stale_accel": certificate.critical_period_stale_accel,
-        },
-        "latency_margin": certificate.latency_margin,
-        "mean_square_index": certificate.mean_square_index,
-        "slowest_time_constant": certificate.slowest_time_constant,
-        "leader_error_norm": certificate.leader_error_norm,
-        "gain_range": certificate.gain_range,
-    }
-
-
 def _design_values(design: Design, question: Question) -> dict[str, Any]:
-    certificate = design.certificate
-    return {
-        "name": design.name,
-        "gains": multi_predecessor_gains(design.gains, question.predecessors)._asdict(),
-        "string_stable": certificate.string_stable,
-        "latency_margin": certificate.latency_margin,
-        "critical_period": certificate.critical_period_stale_accel,
-        "linf_gain": certificate.linf_gain,
-        "slowest_time_constant": certificate.slowest_time_constant,
-        "reason": design.reason,
-        "unmet": list(design.unmet),
-    }
+    return design_document(design, multi_predecessor_gains(design.gains, question.predecessors))
 
 
 def _finite(value: Any) -> Any:

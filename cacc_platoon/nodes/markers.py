@@ -12,7 +12,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from cacc_platoon.nodes.ros_parameters import scenario_of
 from cacc_platoon.scenario import Scenario
-from msg_adapters.topics import VehicleTopics
+from msg_adapters.topics import PlatoonTopics, VehicleTopics
 
 PERIOD = 0.05
 LENGTH, WIDTH, HEIGHT = 4.5, 1.8, 1.5
@@ -37,9 +37,8 @@ class MarkerNode(Node):  # type: ignore[misc]
             topic = VehicleTopics(scenario.platoon.namespace, index).pose
             receive = self._receiver(index, topic.codec.decode)
             self.create_subscription(PoseStamped, topic.name, receive, newest, raw=True)
-        self._publisher = self.create_publisher(
-            MarkerArray, f"{scenario.platoon.namespace}/markers", 5
-        )
+        markers = PlatoonTopics(scenario.platoon.namespace).markers
+        self._publisher = self.create_publisher(MarkerArray, markers, 5)
         self.create_timer(PERIOD, self._draw)
 
     def _receiver(

@@ -12,7 +12,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
 from cacc_platoon.scenario import Scenario
-from cacc_platoon.scenario.file import parameter_files
+from cacc_platoon.scenario.file import parameter_files, scenario_version
 from cacc_platoon.scenario.names import split_vehicle
 from cacc_platoon.scenario.parameter import Parameter, ScenarioError, refuse_unknown
 from cacc_platoon.scenario.table import FORMER_NAMES, SNR_DB, TABLE
@@ -94,7 +94,10 @@ def scenario_of(node: Node, *own: str) -> Scenario:
             f"{values['platoon.namespace']}, the platoon would never find it. "
             "Correct one of the two."
         )
-    folder = next((path.parent for path in reversed(parameter_files(sys.argv))), Path())
+    files = parameter_files(sys.argv)
+    for file in files:
+        scenario_version(file.read_text(encoding="utf-8"), str(file))
+    folder = files[-1].parent if files else Path()
     source = f"parameters of {node.get_fully_qualified_name()}"
     return Scenario.from_values(values, None, source, folder)
 

@@ -128,22 +128,21 @@ def possible_causes(record: NodeRecord) -> list[str]:
     if run.digest_recorded and run.digest != run.digest_recorded:
         return ["the bag was altered after the run: its digest is not the one that was recorded"]
     causes = []
-    then, now = run.info.get("fingerprint"), fingerprint()
-    if isinstance(then, dict) and then.get("math") != now["math"]:
+    then, now = run.info.fingerprint if run.info else {}, fingerprint()
+    if then and then.get("math") != now["math"]:
         there = f"{then.get('machine')}, {then.get('libc')}"
         causes.append(
             f"another platform: recorded on {there} and replayed on {now['machine']}, "
             f"{now['libc']}, whose sin and exp differ"
         )
-    recorded = run.info.get("versions")
-    if isinstance(recorded, dict):
-        changed = [
-            f"{name} {recorded[name]} then, {version} now"
-            for name, version in versions().items()
-            if recorded.get(name, version) != version
-        ]
-        if changed:
-            causes.append("other versions: " + ", ".join(changed))
+    recorded = run.info.versions if run.info else {}
+    changed = [
+        f"{name} {recorded[name]} then, {version} now"
+        for name, version in versions().items()
+        if recorded.get(name, version) != version
+    ]
+    if changed:
+        causes.append("other versions: " + ", ".join(changed))
     if not run.digest_recorded:
         causes.append("the bag was altered, it carries no digest")
     node = f"{vehicle_name(record.index)}/{record.node}"

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from cacc_platoon.analysis.verdict import LINF_NAME, PAPER_TEST
+from cacc_platoon.formats import Format
 from cacc_platoon.runs.folder import versions
 
 if TYPE_CHECKING:
@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from cacc_platoon.analysis.metrics import Metrics
     from cacc_platoon.analysis.noise import LinkNoise
     from cacc_platoon.analysis.verdict import FollowerVerdict, Verdict
+
+FORMAT = Format("metrics.json", 1)
 
 _ROUNDING = 1e-9
 """Below this standard error [m] the spread of noisy runs is rounding."""
@@ -26,6 +28,7 @@ def metrics_document(report: Report) -> dict[str, Any]:
     run, scenario = report.run, report.run.trajectory.scenario
     plain: dict[str, Any] = plain_values(
         {
+            "format": FORMAT.version,
             "scenario": scenario.name,
             "followers": scenario.platoon.followers,
             "first_follower": scenario.platoon.first_follower,
@@ -46,16 +49,16 @@ def metrics_document(report: Report) -> dict[str, Any]:
             "provenance": {
                 "bag": run.bag.name,
                 "namespace": scenario.platoon.namespace,
-                "status": run.info.get("status"),
-                "message": run.info.get("message"),
+                "status": run.info and str(run.info.status),
+                "message": run.info and run.info.message,
                 "messages": run.messages,
                 "samples": run.grid.samples,
                 "step": run.grid.step / 1e9,
                 "seed": scenario.run.seed,
                 "digest": run.digest,
                 "digest_recorded": run.digest_recorded,
-                "recorded_with": run.info.get("versions"),
-                "fingerprint": run.info.get("fingerprint"),
+                "recorded_with": (run.info and dict(run.info.versions)) or None,
+                "fingerprint": (run.info and dict(run.info.fingerprint)) or None,
                 "analysed_with": versions(),
             },
         }
@@ -80,17 +83,26 @@ def plain_values(value: Any) -> Any:
 
 
 def _metrics(metrics: Metrics) -> dict[str, Any]:
-    collided = metrics.first_collision
-    named = {
-        field.name: getattr(metrics, field.name)
-        for field in dataclasses.fields(metrics)
-        if field.name
-        not in ("noise", "hop_ratio_max", "hop_ratio_l2", "min_gap", "first_collision")
-    }
+    """Return the numbers of one run."""
+    length, collided = metrics.platoon_length, metrics.first_collision
     return {
-        **named,
+        "duration": metrics.duration,
+        "max_abs_spacing_error": metrics.max_abs_spacing_error,
+        "time_of_max": metrics.time_of_max,
+        "rms_spacing_error": metrics.rms_spacing_error,
+        "l2_spacing_error": metrics.l2_spacing_error,
+        "final_spacing_error": metrics.final_spacing_error,
+        "settling_time": metrics.settling_time,
+        "max_abs_acceleration": metrics.max_abs_acceleration,
+        "rms_acceleration": metrics.rms_acceleration,
+        "max_abs_jerk": metrics.max_abs_jerk,
+        "rms_jerk": metrics.rms_jerk,
+        "min_time_headway": metrics.min_time_headway,
+        "mean_time_headway": metrics.mean_time_headway,
+        "min_time_to_collision": metrics.min_time_to_collision,
+        "platoon_length": {"initial": length.initial, "max": length.max, "final": length.final},
+        "collision": metrics.collision,
         "hop_ratio": {"max": metrics.hop_ratio_max, "l2": metrics.hop_ratio_l2},
-        "platoon_length": metrics.platoon_length._asdict(),
         "min_gap": _smallest(metrics.min_gap),
         "min_gap_per_follower": metrics.min_gap,
         "first_collision": {"follower": collided[0], "time": collided[1]} if collided else None,
@@ -117,7 +129,23 @@ def _noise(links: list[LinkNoise]) -> dict[str, Any]:
         "min_w": min((link.low for link in heard), default=math.nan),
         "max_w": max((link.high for link in heard), default=math.nan),
         "snr_db": min((link.snr_db for link in heard), default=math.nan),
-        "links": [link._asdict() for link in links],
+        "links": [_link(link) for link in links],
+    }
+
+
+def _link(link: LinkNoise) -> dict[str, Any]:
+    return {
+        "follower": link.follower,
+        "samples": link.samples,
+        "mean": link.mean,
+        "variance": link.variance,
+        "low": link.low,
+        "high": link.high,
+        "expected_mean": link.expected_mean,
+        "expected_variance": link.expected_variance,
+        "snr_db": link.snr_db,
+        "first_breach": link.first_breach,
+        "breaches": link.breaches,
     }
 
 

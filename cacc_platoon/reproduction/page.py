@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cacc_platoon.errors import UserError
+from cacc_platoon.formats import Format
 from cacc_platoon.report.html_page import draw_figures, html_page
 from cacc_platoon.report.metrics_json import metrics_document, plain_values
 from cacc_platoon.report.tables import text_table
@@ -15,9 +16,11 @@ from cacc_platoon.reproduction.figure_list import paper_pictures
 
 if TYPE_CHECKING:
     from cacc_platoon.bags.raw import Progress
+    from cacc_platoon.reproduction.claims import Claim
     from cacc_platoon.reproduction.reproduce import Reproduction
 
 PAGE_FILE, DATA_FILE, FIGURES = "paper.html", "paper.json", "figures"
+FORMAT = Format(DATA_FILE, 1)
 SLIPS = (
     "S is nonempty exactly when a_1 > a_2; the text's 'or b_1 >= b_2' is not enough.",
     "S is sufficient, not necessary: the exact region is wider, and unbounded in k_p.",
@@ -31,12 +34,24 @@ def document(result: Reproduction) -> dict[str, Any]:
     """Return what paper.json holds."""
     plain: dict[str, Any] = plain_values(
         {
+            "format": FORMAT.version,
             "agrees": result.agrees,
-            "claims": [claim._asdict() for claim in result.claims],
+            "claims": [_claim(claim) for claim in result.claims],
             "cases": {name: metrics_document(report) for name, report in result.reports.items()},
         }
     )
     return plain
+
+
+def _claim(claim: Claim) -> dict[str, Any]:
+    return {
+        "where": claim.where,
+        "what": claim.what,
+        "paper": claim.paper,
+        "measured": claim.measured,
+        "agrees": claim.agrees,
+        "basis": claim.basis,
+    }
 
 
 def summary(result: Reproduction) -> str:
@@ -94,7 +109,12 @@ def _page(result: Reproduction, figures: str) -> str:
     ]
     heads = ("agrees", "where", "quantity", "paper says", "we measured", "basis")
     runs = [
-        (name, report.run.info.get("status") or "", report.run.messages, report.run.digest)
+        (
+            name,
+            report.run.info.status if report.run.info else "",
+            report.run.messages,
+            report.run.digest,
+        )
         for name, report in result.reports.items()
     ]
     slips = "".join(f"<li>{html.escape(line)}</li>" for line in SLIPS)

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import importlib.metadata
-import json
 import math
 import os
 import platform
 import shutil
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -22,6 +21,7 @@ from cacc_platoon.bags.digest import run_digest
 from cacc_platoon.bags.rows import Recording
 from cacc_platoon.bags.write import write_bag
 from cacc_platoon.errors import UserError
+from cacc_platoon.runs.info import RunInfo
 from cacc_platoon.runs.parts import read_parts
 from cacc_platoon.runs.recording import with_deliveries
 from cacc_platoon.scenario import Scenario
@@ -29,7 +29,6 @@ from cacc_platoon.scenario.file import format_scenario, load_scenario
 from msg_adapters.topics import Graph, PlatoonTopics, queue_depth
 
 SCENARIO_FILE = "scenario.yaml"
-INFO_FILE = "run.json"
 BAG = "bag"
 PARTS = "parts"
 LOGS = "logs"
@@ -95,9 +94,9 @@ class RunFolder:
         self,
         scenario: Scenario,
         recording: Recording,
-        info: Mapping[str, Any],
+        info: RunInfo,
         progress: Callable[[int, int], None] | None = None,
-    ) -> dict[str, Any]:
+    ) -> RunInfo:
         """Write the bag and run.json, remove the parts, and return what run.json says.
 
         Parameters
@@ -106,7 +105,7 @@ class RunFolder:
             What was run.
         recording : Recording
             What was recorded.
-        info : Mapping
+        info : RunInfo
             What only the runner knows: status, message, wall time, hosts.
         progress : callable, optional
             Called now and then with the sample written and the number of samples.
@@ -127,17 +126,17 @@ class RunFolder:
         )
         (self.path / UNFINISHED / BAG).rename(self.bag)
         (self.path / UNFINISHED).rmdir()
-        document = {
-            **info,
-            "digest": digest,
-            "messages": {name: len(record.messages) for name, record in sorted(recording.items())},
-            "seed": scenario.run.seed,
-            "versions": versions(),
-            "fingerprint": fingerprint(),
-        }
-        (self.path / INFO_FILE).write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+        info = dataclasses.replace(
+            info,
+            digest=digest,
+            messages={name: len(record.messages) for name, record in sorted(recording.items())},
+            seed=scenario.run.seed,
+            versions=versions(),
+            fingerprint=fingerprint(),
+        )
+        info.write(self.path)
         shutil.rmtree(self.parts, ignore_errors=True)
-        return document
+        return info
 
 
 def _refuse_full_disk(path: Path, scenario: Scenario) -> None:

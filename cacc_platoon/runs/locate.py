@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from cacc_platoon.bags import BagError
-from cacc_platoon.runs.folder import BAG, INFO_FILE, PARTS, SCENARIO_FILE, RunFolder
+from cacc_platoon.runs.folder import BAG, PARTS, SCENARIO_FILE, RunFolder
+from cacc_platoon.runs.info import INFO_FILE, Ending, RunInfo
 
 
 def locate(path: Path) -> tuple[Path, Path | None]:
@@ -38,11 +39,5 @@ def _salvage(folder: RunFolder) -> None:
     folder.finish(
         scenario,
         recording,
-        {
-            "status": "failed",
-            "message": "salvaged: the run was killed, this is what had been recorded",
-            "wall_time": None,
-            "real_time_factor": None,
-            "hosts": [],
-        },
+        RunInfo(Ending.FAILED, "salvaged: the run was killed, this is what had been recorded"),
     )

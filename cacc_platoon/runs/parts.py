@@ -5,13 +5,16 @@ from __future__ import annotations
 import contextlib
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from cacc_platoon.bags.rows import TopicRows
+from cacc_platoon.formats import Format
 from msg_adapters.topics import Topic
 
 INDEX_FILE = "topics.json"
+FORMAT = Format(f"{INDEX_FILE} of a part", 1)
 
 
 class PartWriter:
@@ -29,7 +32,7 @@ class PartWriter:
 
     def __init__(self, folder: Path, topics: list[Topic]) -> None:
         folder.mkdir(parents=True)
-        index = [
+        topics_index = [
             {
                 "name": topic.name,
                 "type": topic.kind.type_name,
@@ -38,9 +41,10 @@ class PartWriter:
             }
             for number, topic in enumerate(topics)
         ]
+        index = {"format": FORMAT.version, "topics": topics_index}
         (folder / INDEX_FILE).write_text(json.dumps(index, indent=1))
         self._files = {
-            str(entry["name"]): (folder / str(entry["file"])).open("wb") for entry in index
+            str(entry["name"]): (folder / str(entry["file"])).open("wb") for entry in topics_index
         }
         self.writers = {name: file.write for name, file in self._files.items()}
 
@@ -58,13 +62,19 @@ class PartWriter:
 
 
 def read_parts(folders: list[Path]) -> dict[str, TopicRows]:
-    """Return what the parts hold, mapped from disk; a message cut short at the end is left out."""
+    """Return what the parts hold, mapped from disk; a message cut short at the end is left out.
+
+    Raises
+    ------
+    UserError
+        When the format of a part is newer than ours.
+    """
     records: dict[str, TopicRows] = {}
     for folder in folders:
         index = folder / INDEX_FILE
         if not index.is_file():
             continue
-        for entry in json.loads(index.read_text()):
+        for entry in _entries(index):
             path, size = folder / entry["file"], entry["size"]
             count = path.stat().st_size // size if path.is_file() else 0
             messages = (
@@ -74,3 +84,13 @@ def read_parts(folders: list[Path]) -> dict[str, TopicRows]:
             )
             records[entry["name"]] = TopicRows(entry["type"], messages)
     return records
+
+
+def _entries(index: Path) -> list[dict[str, Any]]:
+    """Return what an index says of each topic; format 0 was that list alone."""
+    document = json.loads(index.read_text())
+    if isinstance(document, list):
+        return document
+    FORMAT.check(document.get("format"), str(index))
+    entries: list[dict[str, Any]] = document["topics"]
+    return entries

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -19,7 +17,7 @@ from cacc_platoon.bags.rows import TopicRows
 from cacc_platoon.model import RecordedMotion
 from cacc_platoon.runs.arrivals import counted_rows, prompt_arrivals, read_arrivals
 from cacc_platoon.runs.find_platoons import FoundPlatoon, find_platoons
-from cacc_platoon.runs.folder import INFO_FILE
+from cacc_platoon.runs.info import INFO_FILE, Ending, InfoError, RunInfo
 from cacc_platoon.runs.recorded_scenario import (
     cut_to_samples,
     fit_to_topics,
@@ -56,8 +54,8 @@ class RecordedRun:
         The digest that was written when the run ended, empty when none was.
     messages : int
         Messages of the platoon.
-    info : Mapping
-        What run.json says; empty for a bag without a run folder.
+    info : RunInfo or None
+        What run.json says; None for a bag without a run folder, or a damaged one.
     """
 
     bag: Path
@@ -68,7 +66,7 @@ class RecordedRun:
     digest: str
     digest_recorded: str
     messages: int
-    info: Mapping[str, Any]
+    info: RunInfo | None
 
 
 def read_run(
@@ -102,13 +100,8 @@ def read_run(
     """
     raw = read_bag(bag, progress)
     info = _read_info(folder, raw)
-    platoons = find_platoons(raw.topics)
-    if not any(platoon.messages for platoon in platoons):
-        raise BagError(f"{bag}: {_why_no_platoon(raw)}")
     notes = [*_unfinished(info), *raw.damage]
-    platoon = _choose(platoons, bag, namespace, scenario or recorded_scenario(raw, None, None, []))
-    notes += _other_platoons(platoons, platoon, raw)
-    scenario = _scenario(raw, platoon, folder, scenario, notes)
+    platoon, scenario = identify(raw, folder, scenario, namespace, notes)
     graph = Graph.of(scenario)
     topics = graph.roles
     signals, faults = _decode_all(raw, topics, notes)
@@ -119,7 +112,7 @@ def read_run(
     columns = _columns(topics, signals, grid, faults, arrivals)
     notes += group(faults)
     found = run_digest(_Rows(raw, graph), graph)
-    recorded = str(info.get("digest") or raw.custom_data.get("digest") or "")
+    recorded = (info.digest if info else "") or raw.custom_data.get("digest", "")
     if recorded and recorded != found:
         notes.append(
             f"the digest is {found[:12]}, but {recorded[:12]} was written when the run ended: "
@@ -139,16 +132,50 @@ def read_run(
     )
 
 
-def _read_info(folder: Path | None, raw: RawBag) -> dict[str, Any]:
-    file = folder / INFO_FILE if folder else None
-    if file is None or not file.is_file():
-        return {}
+def _read_info(folder: Path | None, raw: RawBag) -> RunInfo | None:
+    if folder is None:
+        return None
     try:
-        document = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        return RunInfo.read(folder)
+    except InfoError:
         raw.damage.append(f"{INFO_FILE} is damaged and left out")
-        return {}
-    return document if isinstance(document, dict) else {}
+        return None
+
+
+def identify(
+    raw: RawBag,
+    folder: Path | None,
+    given: Scenario | None,
+    namespace: str | None,
+    notes: list[str],
+) -> tuple[FoundPlatoon, Scenario]:
+    """Return which platoon of a bag is meant, and its parameters.
+
+    Parameters
+    ----------
+    raw : RawBag
+        The bag.
+    folder : Path or None
+        The run folder around it.
+    given : Scenario or None
+        Parameters to use instead of those in the bag.
+    namespace : str or None
+        Which platoon, when the bag holds several.
+    notes : list of str
+        What is wrong or left out is appended, one line each.
+
+    Raises
+    ------
+    BagError
+        When there is no platoon in the bag, or nothing says what its parameters are.
+    """
+    platoons = find_platoons(raw.topics)
+    if not any(platoon.messages for platoon in platoons):
+        raise BagError(f"{raw.path}: {_why_no_platoon(raw)}")
+    told = given or recorded_scenario(raw, None, None, [])
+    platoon = _choose(platoons, raw.path, namespace, told)
+    notes += _other_platoons(platoons, platoon, raw)
+    return platoon, _scenario(raw, platoon, folder, given, notes)
 
 
 def _scenario(
@@ -169,12 +196,11 @@ def _scenario(
     return fit_to_topics(scenario, platoon, notes, given is not None)
 
 
-def _unfinished(info: Mapping[str, Any]) -> list[str]:
+def _unfinished(info: RunInfo | None) -> list[str]:
     """Say what run.json says of a run that did not end well."""
-    status, message = info.get("status"), info.get("message")
-    if status in (None, "finished"):
+    if info is None or info.status == Ending.FINISHED:
         return []
-    return [f"the run {status}: {message}" if message else f"the run {status}"]
+    return [f"the run {info.status}: {info.message}" if info.message else f"the run {info.status}"]
 
 
 def _why_no_platoon(raw: RawBag) -> str:

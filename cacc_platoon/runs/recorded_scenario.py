@@ -10,7 +10,7 @@ from cacc_platoon.runs.find_platoons import FoundPlatoon
 from cacc_platoon.runs.folder import SCENARIO_FILE
 from cacc_platoon.runs.sample_grid import Grid
 from cacc_platoon.scenario import Scenario
-from cacc_platoon.scenario.file import parse_scenario, scenario_name
+from cacc_platoon.scenario.file import parse_scenario, scenario_name, scenario_version
 from cacc_platoon.scenario.parameter import ScenarioError
 from msg_adapters.text import decode_string
 from msg_adapters.topics import PlatoonTopics
@@ -32,6 +32,7 @@ def recorded_scenario(
     if file and file.is_file():
         texts.append((str(file), file.read_text(encoding="utf-8", errors="replace")))
     for source, text in texts:
+        scenario_version(text, f"{raw.path}: {source}")
         try:
             scenario = parse_scenario(text, source)
         except ScenarioError as error:

@@ -13,6 +13,7 @@ from typing import Any
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
+from cacc_platoon.formats import Format
 from cacc_platoon.scenario.checks import check_namespace
 from cacc_platoon.scenario.names import vehicle_index, vehicle_name
 from cacc_platoon.scenario.parameter import ScenarioError, nest
@@ -26,6 +27,10 @@ from cacc_platoon.scenario.ros_sections import (
 )
 from cacc_platoon.scenario.scenario import Scenario
 from cacc_platoon.scenario.table import TABLE
+
+FORMAT = Format("cacc_platoon scenario", 1)
+_HEAD = re.compile(r"(?:[ \t]*(?:#.*)?\n)*")
+_VERSION = re.compile(rf"^# {FORMAT.name}, format (\S+)\r?$", re.MULTILINE)
 
 
 def load_scenario(path: str | Path, settings: Iterable[str] = ()) -> Scenario:
@@ -43,6 +48,8 @@ def load_scenario(path: str | Path, settings: Iterable[str] = ()) -> Scenario:
     ------
     ScenarioError
         One line that names file, key, value, rule and remedy.
+    UserError
+        When the file's format is newer than ours.
     """
     path = Path(path)
     try:
@@ -68,6 +75,7 @@ def parse_scenario(
     text: str, source: str, folder: Path = Path(), settings: Iterable[str] = ()
 ) -> Scenario:
     """Build a checked scenario from the text of a ROS parameter file; see `load_scenario`."""
+    scenario_version(text, source)
     sections = list(read_sections(_parse_yaml(text, source), source))
     if not sections:
         raise ScenarioError(f"{source}: holds no parameters. Begin with /**: {SECTION}:.")
@@ -82,6 +90,28 @@ def parse_scenario(
         _apply_setting(name, value, values)
     scenario = Scenario.from_values(values.common, values.overrides, source, folder)
     return dataclasses.replace(scenario, name=scenario_name(text) or scenario.name)
+
+
+def scenario_version(text: str, source: str) -> int:
+    """Return the version of a scenario's format, 0 where its head does not say one.
+
+    It is a comment, since a ROS parameter file has no place of its own for it.
+
+    Raises
+    ------
+    UserError
+        When it is newer than ours.
+    """
+    told = _VERSION.search(_head(text))
+    if not told:
+        return 0
+    return FORMAT.check(int(told[1]) if told[1].isdecimal() else told[1], source)
+
+
+def _head(text: str) -> str:
+    """Return the comments with which a file begins."""
+    head = _HEAD.match(text)
+    return head[0] if head else ""
 
 
 def scenario_name(text: str) -> str | None:
@@ -102,7 +132,7 @@ def format_scenario(scenario: Scenario) -> str:
         pattern = f"{scenario.platoon.namespace}/{vehicle_name(index)}/*"
         document[pattern] = {SECTION: nest(section)}
     buffer = io.StringIO()
-    buffer.write(f"# Scenario {scenario.name}\n")
+    buffer.write(f"# Scenario {scenario.name}\n# {FORMAT.name}, format {FORMAT.version}\n")
     yaml = YAML(typ="safe", pure=True)
     yaml.default_flow_style = None
     yaml.width = 100

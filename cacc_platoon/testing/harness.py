@@ -14,7 +14,6 @@ own, start its node by hand: see `manual_nodes`.
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import shutil
 import signal
@@ -41,7 +40,8 @@ from cacc_platoon.dds.environment import prefer_local
 from cacc_platoon.dds.shared_memory import cleared_segments
 from cacc_platoon.nodes import qos
 from cacc_platoon.nodes.node import MESSAGE_TYPES
-from cacc_platoon.runs.folder import INFO_FILE, RunFolder
+from cacc_platoon.runs.folder import RunFolder
+from cacc_platoon.runs.info import RunInfo
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import format_scenario, load_scenario
 from cacc_platoon.simulation import Trajectory
@@ -64,8 +64,8 @@ class Result:
         Of the command.
     status, message, digest : str
         As in run.json: "finished", "failed" or "interrupted", why, and the run's digest.
-    info : dict
-        All of run.json; empty when there is none.
+    info : RunInfo or None
+        All of run.json; None when there is none.
     folder : RunFolder
         The run's files.
     output, errors : str
@@ -76,7 +76,7 @@ class Result:
     status: str
     message: str
     digest: str
-    info: dict[str, Any]
+    info: RunInfo | None
     folder: RunFolder
     output: str
     errors: str
@@ -322,13 +322,12 @@ class Platoon:
         """Wait until the command has ended and return how."""
         process = self._processes["supervisor"]
         self.wait(lambda: process.poll() is not None, timeout, "the end of the run")
-        file = self.folder.path / INFO_FILE
-        info = json.loads(file.read_text()) if file.exists() else {}
+        info = RunInfo.read(self.folder.path)
         return Result(
             process.returncode,
-            info.get("status", ""),
-            info.get("message", ""),
-            info.get("digest", ""),
+            info.status if info else "",
+            info.message if info else "",
+            info.digest if info else "",
             info,
             self.folder,
             self._output.read_text(),

@@ -76,7 +76,8 @@ def test_the_scenario_is_inside_twice(bag):
     text = (bag / "metadata.yaml").read_text()
     metadata = YAML(typ="safe").load(text)["rosbag2_bagfile_information"]
     assert metadata["version"] == 9
-    assert metadata["custom_data"] == {"scenario": TEXT, "digest": "0123"}
+    custom = {"scenario": TEXT, "digest": "0123", "cacc_platoon_format": "1"}
+    assert metadata["custom_data"] == custom
     assert parse_scenario(metadata["custom_data"]["scenario"], "scenario") == SCENARIO
     with AnyReader([bag]) as reader:
         [connection] = [c for c in reader.connections if c.topic == "/platoon/scenario"]

@@ -17,6 +17,7 @@ from cacc_platoon.replay import (
     what_if,
     what_if_figure,
 )
+from cacc_platoon.runs.info import RunInfo
 from cacc_platoon.runs.recording import recording_of
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import format_scenario
@@ -245,8 +246,8 @@ def test_what_if_nothing_had_changed(tmp_path):
 def test_causes_begin_with_what_is_known(tmp_path):
     record = read_node(make_bag(tmp_path / "bag"), 2)
     assert "carries no digest" in possible_causes(record)[0]
-    info = {"fingerprint": {"math": "0", "machine": "riscv64"}, "versions": {"numpy": "1.0"}}
-    record = dataclasses.replace(record, run=dataclasses.replace(record.run, info=info))
-    first, second, *_ = possible_causes(record)
+    info = RunInfo(fingerprint={"math": "0", "machine": "riscv64"}, versions={"numpy": "1.0"})
+    run = dataclasses.replace(record.run, info=info)
+    first, second, *_ = possible_causes(dataclasses.replace(record, run=run))
     assert "recorded on riscv64" in first
     assert "numpy 1.0 then" in second

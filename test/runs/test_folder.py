@@ -9,6 +9,7 @@ from rosbags.rosbag2 import Reader
 
 from cacc_platoon.errors import UserError
 from cacc_platoon.runs.folder import RunFolder
+from cacc_platoon.runs.info import RunInfo
 from cacc_platoon.runs.parts import PartWriter
 from cacc_platoon.runs.recording import recording_of
 from cacc_platoon.scenario import Scenario
@@ -41,9 +42,9 @@ def test_a_run_that_does_not_fit_on_its_disk_is_refused(
 
 def test_a_finished_folder_holds_the_bag_and_no_parts(tmp_path: Path) -> None:
     folder = recorded(tmp_path / "run")
-    info = folder.finish(SCENARIO, folder.recording(), {"status": "finished"})
+    info = folder.finish(SCENARIO, folder.recording(), RunInfo())
     assert sorted(p.name for p in folder.path.iterdir()) == ["bag", "run.json", "scenario.yaml"]
-    assert set(info["messages"].values()) == {1001}
+    assert set(info.messages.values()) == {1001}
     with Reader(folder.bag) as reader:
         assert reader.message_count == 11 * 1001 + 1
 
@@ -56,9 +57,9 @@ def test_writing_that_is_interrupted_can_be_done_again(tmp_path: Path) -> None:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        folder.finish(SCENARIO, folder.recording(), {}, interrupt)
+        folder.finish(SCENARIO, folder.recording(), RunInfo(), interrupt)
     assert not folder.bag.exists()
-    folder.finish(SCENARIO, folder.recording(), {"status": "finished"})
+    folder.finish(SCENARIO, folder.recording(), RunInfo())
     with Reader(folder.bag) as reader:
         assert reader.message_count == 11 * 1001 + 1
 

@@ -53,14 +53,14 @@ def test_number_of_processes_does_not_matter(platoon: Start, expected: str, host
     result = platoon(*SHORT, hosts=hosts).result()
     assert result.exit_code == 0, result.errors
     assert result.digest == expected
-    assert len(result.info["hosts"]) == (25 if hosts == "per_node" else hosts)
+    assert len(result.info.hosts) == (25 if hosts == "per_node" else hosts)
 
 
 def test_every_topic_has_every_sample(platoon: Start) -> None:
     run = platoon(*SHORT, hosts=2)
     result = run.result()
     topics = {topic.name for topic in Graph("/platoon", Topology(range(1, 13))).run_topics}
-    assert result.info["messages"] == dict.fromkeys(topics, 2001)
+    assert result.info.messages == dict.fromkeys(topics, 2001)
 
 
 def burn(until: "multiprocessing.synchronize.Event") -> None:
@@ -111,7 +111,7 @@ def test_the_pace_does_not_matter(platoon: Start) -> None:
     settings = ("run.duration=4", "run.real_time_factor=2", "platoon.followers=3")
     result = platoon(*settings).result()
     assert result.digest == simulated_digest(load_scenario(PAPER_A, settings))
-    assert result.info["real_time_factor"] == pytest.approx(2.0, rel=0.1)
+    assert result.info.real_time_factor == pytest.approx(2.0, rel=0.1)
 
 
 def test_nodes_started_manually_in_any_order(platoon: Start) -> None:
@@ -134,7 +134,7 @@ def test_nodes_by_hand_may_record_themselves(platoon: Start, tmp_path: Path) -> 
         run.start(node, parameters=[f"record:={tmp_path / 'parts'}"])
     result = run.result()
     assert result.digest == simulated_digest(load_scenario(PAPER_A, settings))
-    assert {host["name"] for host in result.info["hosts"]} == {
+    assert {host.name for host in result.info.hosts} == {
         node.replace("/", "_") for node in run.scenario.node_names
     }
 
@@ -144,8 +144,8 @@ def test_what_is_asked_for_is_recorded_of_nodes_by_hand_too(platoon: Start) -> N
     run = platoon(*settings, "run.manual_nodes=[vehicle_2/vehicle]")
     run.start("vehicle_2/vehicle")
     result = run.result()
-    assert result.info["messages"]["/platoon/vehicle_1/command"] == 301
-    assert result.info["messages"]["/platoon/vehicle_2/command"] == 301
+    assert result.info.messages["/platoon/vehicle_1/command"] == 301
+    assert result.info.messages["/platoon/vehicle_2/command"] == 301
 
 
 def test_another_seed_gives_another_run(platoon: Start, expected: str) -> None:

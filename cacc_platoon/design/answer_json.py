@@ -1,0 +1,101 @@
+"""The records of an answer as plain data for `platoon design --json`, key by key."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from cacc_platoon.design.requirements import Design
+from cacc_platoon.formats import Format
+from cacc_platoon.model.control import Gains
+from cacc_platoon.theory.certificate import Certificate
+from cacc_platoon.theory.region import Conservatism, ExactRegion
+from cacc_platoon.theory.several_predecessors import MultiPredecessorBounds
+from cacc_platoon.theory.theorem2 import PaperRegion
+
+FORMAT = Format("design --json", 1)
+
+
+def gains_document(gains: Gains) -> dict[str, Any]:
+    """Return a design as plain data."""
+    return {
+        "time_headway": gains.time_headway,
+        "k_a": gains.k_a,
+        "k_v": gains.k_v,
+        "k_p": gains.k_p,
+    }
+
+
+def certificate_document(certificate: Certificate) -> dict[str, Any]:
+    """Return what a design guarantees as plain data."""
+    gain_range = certificate.gain_range
+    return {
+        "internally_stable": certificate.internally_stable,
+        "in_paper_region": certificate.in_paper_region,
+        "string_stable": certificate.string_stable,
+        "l2_gain": certificate.l2_gain,
+        "peak_frequency": certificate.peak_frequency,
+        "linf_gain": certificate.linf_gain,
+        "sampled": {
+            "period": certificate.period,
+            "string_stable": certificate.sampled_string_stable,
+            "critical_period": certificate.critical_period,
+            "critical_period_stale_accel": certificate.critical_period_stale_accel,
+        },
+        "latency_margin": certificate.latency_margin,
+        "mean_square_index": certificate.mean_square_index,
+        "slowest_time_constant": certificate.slowest_time_constant,
+        "leader_error_norm": certificate.leader_error_norm,
+        "gain_range": None if gain_range is None else list(gain_range),
+    }
+
+
+def design_document(design: Design, gains: Gains) -> dict[str, Any]:
+    """Return a recommended design as plain data, with its gains as the platoon applies them."""
+    certificate = design.certificate
+    return {
+        "name": design.name,
+        "gains": gains_document(gains),
+        "string_stable": certificate.string_stable,
+        "latency_margin": certificate.latency_margin,
+        "critical_period": certificate.critical_period_stale_accel,
+        "linf_gain": certificate.linf_gain,
+        "slowest_time_constant": certificate.slowest_time_constant,
+        "reason": design.reason,
+        "unmet": list(design.unmet),
+    }
+
+
+def region_document(region: PaperRegion) -> dict[str, Any]:
+    """Return the paper's region S as plain data."""
+    return {
+        "a1": region.a1,
+        "b1": region.b1,
+        "a2": region.a2,
+        "b2": region.b2,
+        "polygon": [list(corner) for corner in region.polygon],
+        "area": region.area,
+        "nonempty": region.nonempty,
+    }
+
+
+def exact_region_document(region: ExactRegion) -> dict[str, Any]:
+    """Return the exact region as plain data."""
+    return {"nonempty": region.nonempty, "k_p_min": region.k_p_min}
+
+
+def conservatism_document(conservatism: Conservatism) -> dict[str, Any]:
+    """Return what the paper's conditions give away as plain data."""
+    return {"headway": conservatism.headway, "area": conservatism.area}
+
+
+def predecessors_document(count: int, k_a: float, bounds: MultiPredecessorBounds) -> dict[str, Any]:
+    """Return the bounds for several predecessors as plain data."""
+    return {
+        "count": count,
+        "k_a": k_a,
+        "paper": bounds.paper,
+        "exact": bounds.exact,
+        "optimal_k_a": bounds.optimal_k_a,
+        "optimal_headway": bounds.optimal_headway,
+        "k_a_max": bounds.k_a_max,
+    }

@@ -1,0 +1,83 @@
+"""replay.json: whether a replayed node said the same, or what it would have done instead."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from cacc_platoon.formats import Format
+from cacc_platoon.replay.comparison import Difference
+from cacc_platoon.replay.node_record import NodeRecord
+from cacc_platoon.replay.what_if import Motion, WhatIf
+
+FORMAT = Format("replay.json", 1)
+
+
+def comparison_document(
+    record: NodeRecord, difference: Difference | None = None, causes: Sequence[str] = ()
+) -> dict[str, Any]:
+    """Return what a replay with the recorded parameters says.
+
+    Parameters
+    ----------
+    record : NodeRecord
+        What was recorded.
+    difference : Difference, optional
+        The first message that differs; None when all are identical.
+    causes : sequence of str, optional
+        What may have caused it.
+    """
+    document = _about(record)
+    document |= {"identical": difference is None, "first_difference": None}
+    if difference:
+        document |= {"first_difference": _difference(difference), "possible_causes": list(causes)}
+    return document
+
+
+def what_if_document(record: NodeRecord, settings: Sequence[str], answer: WhatIf) -> dict[str, Any]:
+    """Return what a replay with other parameters says.
+
+    Parameters
+    ----------
+    record : NodeRecord
+        What was recorded.
+    settings : sequence of str
+        The parameters that were changed, `key=value`.
+    answer : WhatIf
+        What the vehicle did and would have done.
+    """
+    return _about(record) | {
+        "set": list(settings),
+        "recorded": _motion(answer.recorded),
+        "replayed": _motion(answer.replayed),
+    }
+
+
+def _about(record: NodeRecord) -> dict[str, Any]:
+    return {
+        "format": FORMAT.version,
+        "vehicle": record.index,
+        "node": record.node,
+        "samples": record.samples,
+        "messages": record.samples * len(record.outputs),
+        "notes": list(record.notes),
+    }
+
+
+def _difference(difference: Difference) -> dict[str, Any]:
+    return {
+        "topic": difference.topic,
+        "sample": difference.sample,
+        "time": difference.time,
+        "recorded": difference.recorded,
+        "replayed": difference.replayed,
+        "what": difference.what,
+    }
+
+
+def _motion(motion: Motion) -> dict[str, Any]:
+    return {
+        "max_abs_spacing_error": motion.max_abs_spacing_error,
+        "min_gap": motion.min_gap,
+        "max_abs_acceleration": motion.max_abs_acceleration,
+    }

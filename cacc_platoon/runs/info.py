@@ -1,0 +1,194 @@
+"""run.json: what a run folder says of its run beside the bag and the scenario."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import Any, Self
+
+from cacc_platoon.formats import Format
+
+INFO_FILE = "run.json"
+FORMAT = Format(INFO_FILE, 1)
+
+
+class Ending(StrEnum):
+    """How a run ended."""
+
+    FINISHED = "finished"
+    FAILED = "failed"
+    INTERRUPTED = "interrupted"
+
+
+class InfoError(ValueError):
+    """A document that is no run.json, or a damaged one."""
+
+
+@dataclass(frozen=True)
+class HostInfo:
+    """A process that ran nodes and recorded what they published.
+
+    Attributes
+    ----------
+    name : str
+        Its name; its recorder is <prefix>/host_<name>/recorder.
+    pid : int
+        Process id on its machine.
+    nodes : tuple of str
+        Its nodes, relative to the platoon's namespace.
+    """
+
+    name: str
+    pid: int
+    nodes: tuple[str, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the host as run.json has it."""
+        return {"name": self.name, "pid": self.pid, "nodes": list(self.nodes)}
+
+    @classmethod
+    def from_json(cls, document: Mapping[str, Any]) -> Self:
+        """Return the host that a part of run.json describes."""
+        return cls(str(document["name"]), int(document["pid"]), _texts(document["nodes"]))
+
+
+@dataclass(frozen=True)
+class RunInfo:
+    """What is known of a run when it has ended; `RunFolder.finish` fills in the second half.
+
+    Attributes
+    ----------
+    status : Ending
+        How it ended.
+    message : str
+        Why it did not finish; empty when it did.
+    samples : int or None
+        Samples that every recorder has; None when nobody counted them.
+    wall_time, real_time_factor : float or None
+        From the first to the last sample [s], and simulated time over it [-]; None when unknown.
+    start_time : float or None
+        From the command to the first sample [s]; 0 for a simulation, None when unknown.
+    hosts : tuple of HostInfo
+        The processes; empty for a simulation.
+    digest : str
+        Of the recorded messages.
+    messages : mapping of str to int
+        Messages in the bag, by topic.
+    seed : int or None
+        Of all noise.
+    versions, fingerprint : mapping of str to str
+        Of the software and of the machine that recorded it.
+    """
+
+    status: Ending = Ending.FINISHED
+    message: str = ""
+    samples: int | None = None
+    wall_time: float | None = None
+    real_time_factor: float | None = None
+    start_time: float | None = None
+    hosts: tuple[HostInfo, ...] = ()
+    digest: str = ""
+    messages: Mapping[str, int] = dataclasses.field(default_factory=dict)
+    seed: int | None = None
+    versions: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    fingerprint: Mapping[str, str] = dataclasses.field(default_factory=dict)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return what run.json holds."""
+        return {
+            "format": FORMAT.version,
+            "status": str(self.status),
+            "message": self.message,
+            "samples": self.samples,
+            "wall_time": self.wall_time,
+            "real_time_factor": self.real_time_factor,
+            "start_time": self.start_time,
+            "hosts": [host.to_json() for host in self.hosts],
+            "digest": self.digest,
+            "messages": dict(self.messages),
+            "seed": self.seed,
+            "versions": dict(self.versions),
+            "fingerprint": dict(self.fingerprint),
+        }
+
+    @classmethod
+    def from_json(cls, document: object, source: str = INFO_FILE) -> Self:
+        """Return what a document says, of this format or an older one.
+
+        Parameters
+        ----------
+        document : object
+            What a JSON reader made of the file.
+        source : str, optional
+            The file, for the error line.
+
+        Raises
+        ------
+        InfoError
+            When it is no run.json, or a damaged one.
+        UserError
+            When its format is newer than ours.
+        """
+        if not isinstance(document, Mapping):
+            raise InfoError(f"{source}: is no JSON object")
+        FORMAT.check(document.get("format"), source)
+        try:
+            return cls(
+                Ending(document["status"]),
+                str(document.get("message", "")),
+                _number(document.get("samples"), int),
+                _number(document.get("wall_time"), float),
+                _number(document.get("real_time_factor"), float),
+                _number(document.get("start_time"), float),
+                tuple(HostInfo.from_json(host) for host in document.get("hosts", ())),
+                str(document.get("digest", "")),
+                {str(name): int(count) for name, count in document.get("messages", {}).items()},
+                _number(document.get("seed"), int),
+                _named_texts(document.get("versions", {})),
+                _named_texts(document.get("fingerprint", {})),
+            )
+        except (ValueError, TypeError, KeyError, AttributeError) as error:
+            raise InfoError(f"{source}: is damaged ({error})") from error
+
+    def write(self, folder: Path) -> None:
+        """Write run.json into a run folder."""
+        text = json.dumps(self.to_json(), indent=1, allow_nan=False)
+        (folder / INFO_FILE).write_text(text + "\n", encoding="utf-8")
+
+    @classmethod
+    def read(cls, folder: Path) -> Self | None:
+        """Return what the run.json of a run folder says, None where there is none.
+
+        Raises
+        ------
+        InfoError
+            When it cannot be read, or is damaged.
+        UserError
+            When its format is newer than ours.
+        """
+        file = folder / INFO_FILE
+        if not file.is_file():
+            return None
+        try:
+            document = json.loads(file.read_text(encoding="utf-8"))
+        except (OSError, ValueError) as error:
+            raise InfoError(f"{file}: cannot be read ({error})") from error
+        return cls.from_json(document, str(file))
+
+
+def _number(value: Any, kind: type[int] | type[float]) -> Any:
+    return None if value is None else kind(value)
+
+
+def _texts(values: Any) -> tuple[str, ...]:
+    if isinstance(values, str):
+        raise TypeError(f"{values!r} is a text where a list of texts is due")
+    return tuple(str(value) for value in values)
+
+
+def _named_texts(values: Any) -> dict[str, str]:
+    return {str(name): str(value) for name, value in values.items()}
