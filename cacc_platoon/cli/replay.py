@@ -119,14 +119,13 @@ def _replay(
     if options.set:
         initial = State(*(float(stream.values(1)[0]) for stream in record.outputs))
     plan = plan_replay(dataclasses.replace(scenario, run=run), record.node, record.index, initial)
-    outputs = [stream.topic for stream in record.outputs]
     shown = not options.verbose
     with libraries_on_stderr(), ProgressLine(scenario.run.step, shown=shown) as progress:
         try:
             return replay_node(
                 plan,
                 record.feed(),
-                outputs,
+                record.expected(),
                 record.samples,
                 observe=progress,
                 stopped=stop.received,

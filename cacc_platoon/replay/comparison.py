@@ -54,7 +54,7 @@ def first_difference(
     record : NodeRecord
         What was recorded.
     replayed : mapping of str to sequence of bytes
-        By topic the CDR bytes of `record.samples` messages.
+        By topic the CDR bytes of the messages of `record.samples` samples.
 
     Returns
     -------
@@ -62,26 +62,27 @@ def first_difference(
         The first one in time; None when all messages are identical.
     """
     found = [
-        (sample, order, stream)
+        (stream.sample_of(row), order, row, stream)
         for order, stream in enumerate(record.outputs)
-        if (sample := _first_sample(record, stream, replayed[stream.topic.name])) is not None
+        if (row := _first_row(record, stream, replayed[stream.topic.name])) is not None
     ]
     if not found:
         return None
-    sample, _, stream = min(found, key=lambda one: one[:2])
-    return _describe(record, stream, sample, replayed[stream.topic.name])
+    _, _, row, stream = min(found, key=lambda one: one[:2])
+    return _describe(record, stream, row, replayed[stream.topic.name])
 
 
-def _first_sample(record: NodeRecord, stream: Stream, replayed: Sequence[bytes]) -> int | None:
-    size, samples = stream.messages.shape[1], record.samples
-    for sample in range(samples):
-        if len(replayed[sample]) != size:
-            return sample
-    same = (_rows(stream.topic, replayed) == stream.messages[:samples]).all(axis=1)
+def _first_row(record: NodeRecord, stream: Stream, replayed: Sequence[bytes]) -> int | None:
+    """Return the number of the first message that differs."""
+    size, count = stream.messages.shape[1], stream.count(record.samples)
+    for row in range(count):
+        if len(replayed[row]) != size:
+            return row
+    same = (_rows(stream.topic, replayed[:count]) == stream.messages[:count]).all(axis=1)
     if not same.all():
         return int(same.argmin())
-    gap = stream.unbroken < len(stream.stamps) and stream.unbroken == samples
-    return samples if gap else None
+    gap = count < len(stream.messages) and stream.unbroken == record.samples
+    return count if gap else None
 
 
 def _rows(topic: Topic, messages: Sequence[bytes]) -> Bytes:
@@ -91,19 +92,19 @@ def _rows(topic: Topic, messages: Sequence[bytes]) -> Bytes:
 
 
 def _describe(
-    record: NodeRecord, stream: Stream, sample: int, replayed: Sequence[bytes]
+    record: NodeRecord, stream: Stream, row: int, replayed: Sequence[bytes]
 ) -> Difference:
-    topic = stream.topic
+    topic, sample = stream.topic, stream.sample_of(row)
     place = (topic.name, sample, sample * record.scenario.run.step)
     if sample >= record.samples:
         return Difference(
             *place, None, None, "the bag has no message of this sample but later ones"
         )
-    recorded = stream.messages[sample].tobytes()
-    answer = topic.codec.zero_padding(replayed[sample])
+    recorded = stream.messages[row].tobytes()
+    answer = topic.codec.zero_padding(replayed[row])
     (stamp, before), unit = (
         topic.codec.decode(recorded),
-        _UNITS[topic.kind.type_name.split("/")[-1]],
+        _UNITS.get(topic.kind.type_name.split("/")[-1], ""),
     )
     if len(answer) != len(recorded):
         what = f"{len(recorded)} bytes were recorded, {len(answer)} bytes replayed"

@@ -1,16 +1,18 @@
-"""What one node of a recorded run was given and what it said, as messages, byte for byte."""
+"""What one node of a recorded run was given and what it published, byte for byte."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from cacc_platoon.bags import BagError
-from cacc_platoon.bags.decode import Floats, rows_in_stamp_order
-from cacc_platoon.bags.raw import Bytes, Integers, Progress
+from cacc_platoon.bags.decode import Floats, rows_in_order_of_recording, rows_in_stamp_order
+from cacc_platoon.bags.raw import Bytes, Integers, Progress, RawTopic
 from cacc_platoon.bags.read import RawBag, read_bag
 from cacc_platoon.errors import UserError
 from cacc_platoon.runs import RecordedRun, read_run
@@ -30,21 +32,32 @@ class Stream(NamedTuple):
     topic : Topic
         Which.
     messages : ndarray of uint8, shape (n, size)
-        CDR bytes in stamp order, padding zeroed.
-    stamps : ndarray of int64, shape (n,)
-        Their stamps [ns].
-    unbroken : int
-        So many are the messages of samples 0, 1, 2, ...; what comes behind them has a gap before.
+        CDR bytes in the order of their delivery, padding zeroed.
+    ends : ndarray of int64, shape (samples,)
+        How many messages there are up to and including each sample, for the samples 0, 1, 2, ... of
+        which that is known; messages behind the last of them have a gap before.
     """
 
     topic: Topic
     messages: Bytes
-    stamps: Integers
-    unbroken: int
+    ends: Integers
+
+    @property
+    def unbroken(self) -> int:
+        """For so many samples it is known what was published."""
+        return len(self.ends)
+
+    def count(self, samples: int) -> int:
+        """Return how many messages the first samples have."""
+        return int(self.ends[samples - 1]) if samples else 0
+
+    def sample_of(self, row: int) -> int:
+        """Return the sample at which a message was delivered."""
+        return int(np.searchsorted(self.ends, row, side="right"))
 
     def values(self, samples: int) -> Floats:
-        """Return x of the first samples."""
-        return self.topic.codec.values(self.messages[:samples])
+        """Return x of the messages of the first samples."""
+        return self.topic.codec.values(self.messages[: self.count(samples)])
 
 
 @dataclass(frozen=True)
@@ -60,7 +73,7 @@ class NodeRecord:
     index : int
         Its vehicle.
     inputs, outputs : tuple of Stream
-        What it heard and what it published.
+        What it received and what it published.
     samples : int
         So many samples of its output can be repeated from its inputs.
     notes : tuple of str
@@ -80,17 +93,20 @@ class NodeRecord:
         """What was run."""
         return self.run.scenario
 
-    def feed(self) -> list[tuple[Topic, list[bytes | None]]]:
-        """Return the inputs per sample, None where the channel delivered nothing."""
-        step = self.scenario.step_ns
+    def feed(self) -> list[tuple[Topic, list[list[bytes]]]]:
+        """Return the messages of each input at each sample."""
         fed = []
         for stream in self.inputs:
-            rows: list[bytes | None] = [None] * self.samples
-            for stamp, row in zip(stream.stamps.tolist(), stream.messages, strict=True):
-                if 0 <= stamp < self.samples * step and stamp % step == 0:
-                    rows[stamp // step] = row.tobytes()
-            fed.append((stream.topic, rows))
+            ends = [0, *stream.ends[: self.samples].tolist()]
+            rows = [row.tobytes() for row in stream.messages[: ends[-1]]]
+            samples = [rows[begin:end] for begin, end in pairwise(ends)]
+            samples += [[]] * (self.samples - len(samples))
+            fed.append((stream.topic, samples))
         return fed
+
+    def expected(self) -> list[tuple[Topic, list[int]]]:
+        """Return how many messages each output has up to and including each sample."""
+        return [(one.topic, one.ends[: self.samples].tolist()) for one in self.outputs]
 
 
 def read_node(
@@ -102,7 +118,7 @@ def read_node(
     namespace: str | None = None,
     progress: Progress | None = None,
 ) -> NodeRecord:
-    """Read what a node of a recorded run was given and said.
+    """Read what a node of a recorded run was given and published.
 
     Parameters
     ----------
@@ -134,17 +150,18 @@ def read_node(
     if node == "leader" and not leads:
         raise UserError(f"{path}: {vehicle_name(index)} does not lead. Give --node vehicle.")
     raw = read_bag(bag, progress)
-    step = run.scenario.step_ns
-    topics = Graph.of(run.scenario).nodes[NodeName(NodeKind(node), index)]
-    inputs = tuple(_stream(raw, topic, node, step) for topic in topics.subscribes)
-    outputs = tuple(_stream(raw, topic, node, step) for topic in topics.publishes)
-    known = [_known(stream, node) for stream in inputs]
+    graph = Graph.of(run.scenario)
+    topics = graph.nodes[NodeName(NodeKind(node), index)]
+    read = _Streams(raw, graph, node, run.scenario.step_ns)
+    inputs = tuple(read.stream(topic, index) for topic in topics.subscribes)
+    outputs = tuple(read.stream(topic, index) for topic in topics.publishes)
+    known = [stream.unbroken for stream in inputs]
     ahead = 1 if node == "vehicle" else 0  # sample k of the inputs gives sample k + 1
     last = run.scenario.samples
     samples = min([last, *(n + ahead for n in known), *(s.unbroken for s in outputs)])
     notes = [
         f"{s.topic.name} ends at sample {n - 1}"
-        if n == len(s.stamps)
+        if s.count(n) == len(s.messages)
         else f"{s.topic.name} lacks sample {n}"
         for s, n in zip(inputs + outputs, [*known, *(s.unbroken for s in outputs)], strict=True)
         if n < last
@@ -152,35 +169,48 @@ def read_node(
     return NodeRecord(run, node, index, inputs, outputs, samples, tuple(notes))
 
 
-def _stream(raw: RawBag, topic: Topic, node: str, step: int) -> Stream:
-    parts = [part for part in raw.topics.get(topic.name, []) if len(part.lengths)]
-    if not parts:
-        raise BagError(
-            f"{raw.path}: lacks {topic.name}, without which {node} cannot be replayed. Record it "
-            "too or replay another node."
-        )
-    rows = rows_in_stamp_order(parts)
-    if rows is None or rows.shape[1] != topic.codec.size:
-        raise BagError(
-            f"{raw.path}: {topic.name} has messages of another layout than "
-            f"{topic.kind.type_name} in frame {topic.frame_id}; another program published them. "
-            "Replay a bag of this package."
-        )
-    stamps = topic.codec.stamps(rows)
-    astray = stamps != np.arange(len(stamps)) * step
-    unbroken = int(astray.argmax()) if astray.any() else len(stamps)
-    if not unbroken:
-        raise BagError(
-            f"{raw.path}: {topic.name} does not begin with sample 0, stamped 0 s, so the state of "
-            "the node is unknown. Replay a lockstep run that was recorded from its beginning."
-        )
-    return Stream(topic, rows, stamps, unbroken)
+class _Streams:
+    """Reads the topics of one node from a bag."""
 
+    def __init__(self, raw: RawBag, graph: Graph, node: str, step: int) -> None:
+        self._raw, self._graph, self._node, self._step = raw, graph, node, step
 
-def _known(stream: Stream, node: str) -> int:
-    """Return for how many samples an input is known: what the channel lost is known too."""
-    if node == "vehicle" and stream.topic.name.endswith("/v2v/accel"):
-        step = int(stream.stamps[1] - stream.stamps[0]) if len(stream.stamps) > 1 else 1
-        if stream.unbroken > 1 and (np.diff(stream.stamps) > 0).all():
-            return int(stream.stamps[-1]) // step + 1
-    return stream.unbroken
+    def stream(self, topic: Topic, index: int) -> Stream:
+        """Return the messages of a topic that vehicle `index` publishes or subscribes to."""
+        vehicle = self._graph.vehicles[index]
+        if index not in self._graph.counted or topic != vehicle.received:
+            return self._gridded(topic)
+        rows = self._rows(topic, rows_in_order_of_recording)
+        counts = self._gridded(vehicle.complete)
+        ends = vehicle.complete.codec.values(counts.messages[: counts.unbroken]).astype(np.int64)
+        return Stream(topic, rows, ends[ends <= len(rows)])
+
+    def _gridded(self, topic: Topic) -> Stream:
+        """Return a topic that has a message of every sample."""
+        rows = self._rows(topic, rows_in_stamp_order)
+        stamps = topic.codec.stamps(rows)
+        astray = stamps != np.arange(len(stamps)) * self._step
+        unbroken = int(astray.argmax()) if astray.any() else len(stamps)
+        if not unbroken:
+            raise BagError(
+                f"{self._raw.path}: {topic.name} does not begin with sample 0, stamped 0 s, so the "
+                "state of the node is unknown. Replay a lockstep run that was recorded from its "
+                "beginning."
+            )
+        return Stream(topic, rows, np.arange(1, unbroken + 1))
+
+    def _rows(self, topic: Topic, read: Callable[[list[RawTopic]], Bytes | None]) -> Bytes:
+        parts = [part for part in self._raw.topics.get(topic.name, []) if len(part.lengths)]
+        if not parts:
+            raise BagError(
+                f"{self._raw.path}: lacks {topic.name}, without which {self._node} cannot be "
+                "replayed. Record it too or replay another node."
+            )
+        rows = read(parts)
+        if rows is None or rows.shape[1] != topic.codec.size:
+            raise BagError(
+                f"{self._raw.path}: {topic.name} has messages of another layout than "
+                f"{topic.kind.type_name} in frame {topic.frame_id}; another program published "
+                "them. Replay a bag of this package."
+            )
+        return rows

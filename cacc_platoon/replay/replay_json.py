@@ -59,7 +59,7 @@ def _about(record: NodeRecord) -> dict[str, Any]:
         "vehicle": record.index,
         "node": record.node,
         "samples": record.samples,
-        "messages": record.samples * len(record.outputs),
+        "messages": sum(stream.count(record.samples) for stream in record.outputs),
         "notes": list(record.notes),
     }
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import multiprocessing
 import sys
 import uuid
+from bisect import bisect_right
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
@@ -34,10 +35,13 @@ from cacc_platoon.supervision.log import log_to_stderr, logs_to_stderr
 from cacc_platoon.supervision.replay_machine import REPLAYED, REPLAYER, ReplayMachine
 from cacc_platoon.supervision.run_events import EndStatus
 from cacc_platoon.supervision.supervisor_node import start_supervisor
-from msg_adapters.topics import PlatoonTopics, Topic, VehicleTopics
+from msg_adapters.topics import PlatoonTopics, Topic
 
-Feed = Sequence[tuple[Topic, Sequence[bytes | None]]]
-"""Topics with a message per sample, None where there is none."""
+Feed = Sequence[tuple[Topic, Sequence[Sequence[bytes]]]]
+"""Topics with the messages of each sample."""
+
+Expected = Sequence[tuple[Topic, Sequence[int]]]
+"""Topics with the number of their messages up to and including each sample."""
 
 
 class ReplayFailedError(Exception):
@@ -109,39 +113,33 @@ class ReplayerNode(Node):  # type: ignore[misc]
     ----------
     scenario : Scenario
         The run.
-    index : int
-        The vehicle whose node is replayed.
     feed : Feed
         What to publish.
-    outputs : sequence of Topic
+    expected : Expected
         What to listen to.
     samples : int
         How many samples of it.
     """
 
-    def __init__(
-        self, scenario: Scenario, index: int, feed: Feed, outputs: Sequence[Topic], samples: int
-    ) -> None:
+    def __init__(self, scenario: Scenario, feed: Feed, expected: Expected, samples: int) -> None:
         namespace = scenario.platoon.namespace
         super().__init__("replayer", namespace=namespace, use_global_arguments=False)
-        self.answers: dict[str, list[bytes]] = {topic.name: [] for topic in outputs}
-        self._samples, self._step_ns = samples, scenario.step_ns
+        self.answers: dict[str, list[bytes]] = {topic.name: [] for topic, _ in expected}
+        self._ends = {topic.name: ends for topic, ends in expected}
+        self._samples, self._reported = samples, -1
         self._stride = max(1, scenario.run.window // 4)
         profile = qos.stream(scenario)
-        own = VehicleTopics(namespace, index)
         self._progress = self.create_publisher(
             Int64, PlatoonTopics(namespace).recorded(REPLAYER), qos.latched()
         )
-        self._lost = self.create_publisher(Int64, own.complete.name, profile)
         self._feed = [
             (
                 self.create_publisher(MESSAGE_TYPES[topic.kind.type_name], topic.name, profile),
                 messages,
-                topic == own.received,
             )
             for topic, messages in feed
         ]
-        for topic in outputs:
+        for topic, _ in expected:
             kind = MESSAGE_TYPES[topic.kind.type_name]
             receive = self._receiver(self.answers[topic.name])
             self.create_subscription(kind, topic.name, receive, profile, raw=True)
@@ -154,31 +152,29 @@ class ReplayerNode(Node):  # type: ignore[misc]
         )
 
     def _publish(self, sample: int) -> None:
-        for publisher, messages, lossy in self._feed:
-            message = messages[sample]
-            if message is not None:
+        for publisher, messages in self._feed:
+            for message in messages[sample]:
                 publisher.publish(message)
-            elif lossy:
-                self._lost.publish(Int64(data=sample * self._step_ns))
 
     def _receiver(self, answers: list[bytes]) -> Callable[[bytes], None]:
         def receive(data: bytes) -> None:
             answers.append(data)
-            if len(answers) % self._stride == 0 or len(answers) >= self._samples:
-                self._report()
+            self._report()
 
         return receive
 
     def _report(self) -> None:
-        """Say up to which sample every answer is here."""
-        done = min(len(messages) for messages in self.answers.values())
-        self._progress.publish(Int64(data=min(done, self._samples) - 1))
+        """Say up to which sample every answer is here, now and then and at the end."""
+        done = min(bisect_right(ends, len(self.answers[name])) for name, ends in self._ends.items())
+        if done - 1 >= self._reported + self._stride or done == self._samples:
+            self._reported = done - 1
+            self._progress.publish(Int64(data=done - 1))
 
 
 def replay_node(
     plan: NodePlan,
     feed: Feed,
-    outputs: Sequence[Topic],
+    expected: Expected,
     samples: int,
     *,
     observe: Observer = lambda *_: None,
@@ -190,7 +186,7 @@ def replay_node(
     ----------
     plan : NodePlan
         The node.
-    feed, outputs, samples
+    feed, expected, samples
         As in `ReplayerNode`.
     observe : callable, optional
         Called with what is being done, the sample reached and the number of samples.
@@ -205,7 +201,7 @@ def replay_node(
     shared_memory.sweep()
     multiprocessing.current_process().name = REPLAYER
     supervisor = start_supervisor(plan.scenario)
-    replayer = ReplayerNode(plan.scenario, plan.node.vehicle, feed, outputs, samples)
+    replayer = ReplayerNode(plan.scenario, feed, expected, samples)
     executor = create_executor()
     for node in (supervisor, replayer):
         executor.add_node(node)
@@ -224,7 +220,8 @@ def replay_node(
     end = conductor.conduct()
     if end.status is not EndStatus.FINISHED:
         raise ReplayFailedError(end.message)
-    return {name: messages[:samples] for name, messages in replayer.answers.items()}
+    ends = {topic.name: counts[-1] for topic, counts in expected}
+    return {name: messages[: ends[name]] for name, messages in replayer.answers.items()}
 
 
 def plan_replay(
