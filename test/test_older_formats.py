@@ -12,7 +12,7 @@ import pytest
 
 from cacc_platoon.cli import main
 from cacc_platoon.runs import read_run
-from cacc_platoon.runs.info import Ending, InfoError, RunInfo
+from cacc_platoon.runs.info import EndStatus, InfoError, RunInfo
 from cacc_platoon.runs.locate import locate
 from cacc_platoon.runs.recorded_leader import with_recorded_leader
 from cacc_platoon.scenario import Scenario
@@ -40,6 +40,13 @@ def refusal(capsys, *arguments):
     return line
 
 
+def read(folder: Path) -> RunInfo:
+    """Return what a run.json that has to be there says."""
+    info = RunInfo.read(folder)
+    assert info
+    return info
+
+
 def test_the_data_is_of_format_0():
     assert "format" not in json.loads((OLD / "run" / "run.json").read_text())
     text = (OLD / "run" / "scenario.yaml").read_text()
@@ -63,12 +70,12 @@ def test_an_old_run_is_reported_with_the_same_digest(old_run, capsys):
 def test_an_old_run_is_what_its_scenario_gives_today(old_run, tmp_path):
     scenario = old_run / "scenario.yaml"
     assert main(["simulate", str(scenario), "-o", str(tmp_path / "again"), "--runs", "0"]) == 0
-    assert RunInfo.read(tmp_path / "again").digest == DIGEST
+    assert read(tmp_path / "again").digest == DIGEST
 
 
 def test_an_old_run_json_keeps_what_it_says(old_run):
-    info, then = RunInfo.read(old_run), json.loads((old_run / "run.json").read_text())
-    assert info.status == Ending.FINISHED
+    info, then = read(old_run), json.loads((old_run / "run.json").read_text())
+    assert info.status == EndStatus.FINISHED
     assert info.hosts[0].nodes[1] == "vehicle_0/leader"
     now = info.to_json()
     assert {name: now[name] for name in then} == then
@@ -80,8 +87,8 @@ def test_an_old_run_that_was_killed_is_finished(tmp_path):
     run = read_run(*locate(killed))
     assert run.digest == KILLED_DIGEST
     assert "salvaged: the run was killed" in run.findings[0]
-    info = RunInfo.read(killed)
-    assert (info.status, info.digest) == (Ending.FAILED, KILLED_DIGEST)
+    info = read(killed)
+    assert (info.status, info.digest) == (EndStatus.FAILED, KILLED_DIGEST)
     assert info.messages["/old/vehicle_2/accel"] == 7  # the last one was cut short
 
 

@@ -146,7 +146,7 @@ def test_real_documents_are_what_the_schema_says(documents, name):
 
 @pytest.mark.parametrize("name", WRITTEN)
 def test_every_key_of_the_schema_occurs(documents, name):
-    used = set()
+    used: set[object] = set()
     for document in documents[name]:
         note(document, SCHEMAS[name], SCHEMAS[name], used)
     assert {path for path, _ in keys(SCHEMAS[name])} - used == set()
@@ -160,7 +160,7 @@ def resolved(schema: dict, root: dict) -> dict:
     return root["$defs"][reference.removeprefix("#/$defs/")]
 
 
-def note(value: object, schema: dict, root: dict, used: set) -> None:
+def note(value: object, schema: dict, root: dict, used: set[object]) -> None:
     """Add each key of a document, named by where the schema describes it."""
     schema = resolved(schema, root)
     for choice in schema.get("anyOf", ()):

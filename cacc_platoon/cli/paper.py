@@ -76,8 +76,8 @@ def run(options: argparse.Namespace) -> int:
 
 def _run_on_nodes(scenario: Scenario, path: Path, stop: StopSignal) -> bool:
     """Run one case; say why when it did not finish."""
+    from cacc_platoon.runs.info import EndStatus  # noqa: PLC0415
     from cacc_platoon.supervision.platoon_run import run_platoon  # noqa: PLC0415  (needs ROS)
-    from cacc_platoon.supervision.run_events import EndStatus  # noqa: PLC0415
 
     if stop.received():
         return False

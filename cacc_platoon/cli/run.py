@@ -72,8 +72,8 @@ def run_and_judge(scenario: Scenario, output: Path | None, options: argparse.Nam
     stop = prepare_nodes(local=scenario.run.spawn)
     with libraries_on_stderr():
         from cacc_platoon.report import report_run  # noqa: PLC0415  (heavy)
+        from cacc_platoon.runs.info import EndStatus  # noqa: PLC0415
         from cacc_platoon.supervision.platoon_run import run_platoon  # noqa: PLC0415
-        from cacc_platoon.supervision.run_events import EndStatus  # noqa: PLC0415
 
         warn_before(scenario)
         if options.verbose:

@@ -12,6 +12,7 @@ from cacc_platoon.formats import Format
 from cacc_platoon.runs.folder import versions
 
 if TYPE_CHECKING:
+    from cacc_platoon.analysis.age import LinkReception
     from cacc_platoon.analysis.analyse import Report
     from cacc_platoon.analysis.metrics import Metrics
     from cacc_platoon.analysis.noise import LinkNoise
@@ -106,6 +107,32 @@ def _metrics(metrics: Metrics) -> dict[str, Any]:
         "min_gap": _smallest(metrics.min_gap),
         "min_gap_per_follower": metrics.min_gap,
         "first_collision": {"follower": collided[0], "time": collided[1]} if collided else None,
+        **_reception(metrics.reception),
+    }
+
+
+def _reception(links: list[LinkReception]) -> dict[str, Any]:
+    """All links together, the ages of the worst one, and one by one."""
+    sent = sum(link.sent for link in links)
+    return {
+        "loss": 1.0 - sum(link.arrived for link in links) / sent if sent else math.nan,
+        "age": {
+            "median": max((link.age_median for link in links), default=math.nan),
+            "p99": max((link.age_p99 for link in links), default=math.nan),
+            "max": max((link.age_max for link in links), default=math.nan),
+        },
+        "reception": [_link_reception(link) for link in links],
+    }
+
+
+def _link_reception(link: LinkReception) -> dict[str, Any]:
+    return {
+        "follower": link.follower,
+        "sent": link.sent,
+        "arrived": link.arrived,
+        "loss": link.loss,
+        "loss_probability": link.loss_probability,
+        "age": {"median": link.age_median, "p99": link.age_p99, "max": link.age_max},
     }
 
 

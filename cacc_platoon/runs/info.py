@@ -16,7 +16,7 @@ INFO_FILE = "run.json"
 FORMAT = Format(INFO_FILE, 1)
 
 
-class Ending(StrEnum):
+class EndStatus(StrEnum):
     """How a run ended."""
 
     FINISHED = "finished"
@@ -62,7 +62,7 @@ class RunInfo:
 
     Attributes
     ----------
-    status : Ending
+    status : EndStatus
         How it ended.
     message : str
         Why it did not finish; empty when it did.
@@ -84,7 +84,7 @@ class RunInfo:
         Of the software and of the machine that recorded it.
     """
 
-    status: Ending = Ending.FINISHED
+    status: EndStatus = EndStatus.FINISHED
     message: str = ""
     samples: int | None = None
     wall_time: float | None = None
@@ -138,7 +138,7 @@ class RunInfo:
         FORMAT.check(document.get("format"), source)
         try:
             return cls(
-                Ending(document["status"]),
+                EndStatus(document["status"]),
                 str(document.get("message", "")),
                 _number(document.get("samples"), int),
                 _number(document.get("wall_time"), float),

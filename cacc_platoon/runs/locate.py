@@ -6,7 +6,7 @@ from pathlib import Path
 
 from cacc_platoon.bags import BagError
 from cacc_platoon.runs.folder import BAG, PARTS, SCENARIO_FILE, RunFolder
-from cacc_platoon.runs.info import INFO_FILE, Ending, RunInfo
+from cacc_platoon.runs.info import INFO_FILE, EndStatus, RunInfo
 
 
 def locate(path: Path) -> tuple[Path, Path | None]:
@@ -39,5 +39,5 @@ def _salvage(folder: RunFolder) -> None:
     folder.finish(
         scenario,
         recording,
-        RunInfo(Ending.FAILED, "salvaged: the run was killed, this is what had been recorded"),
+        RunInfo(EndStatus.FAILED, "salvaged: the run was killed, this is what had been recorded"),
     )

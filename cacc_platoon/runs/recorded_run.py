@@ -17,7 +17,7 @@ from cacc_platoon.bags.rows import TopicRows
 from cacc_platoon.model import RecordedMotion
 from cacc_platoon.runs.arrivals import counted_rows, prompt_arrivals, read_arrivals
 from cacc_platoon.runs.find_platoons import FoundPlatoon, find_platoons
-from cacc_platoon.runs.info import INFO_FILE, Ending, InfoError, RunInfo
+from cacc_platoon.runs.info import INFO_FILE, EndStatus, InfoError, RunInfo
 from cacc_platoon.runs.recorded_scenario import (
     cut_to_samples,
     fit_to_topics,
@@ -198,7 +198,7 @@ def _scenario(
 
 def _unfinished(info: RunInfo | None) -> list[str]:
     """Say what run.json says of a run that did not end well."""
-    if info is None or info.status == Ending.FINISHED:
+    if info is None or info.status == EndStatus.FINISHED:
         return []
     return [f"the run {info.status}: {info.message}" if info.message else f"the run {info.status}"]
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
+from cacc_platoon.runs.info import EndStatus
 from cacc_platoon.scenario import Scenario
-from cacc_platoon.supervision.run_events import EndRun, EndStatus
+from cacc_platoon.supervision.run_events import EndRun
 from cacc_platoon.supervision.stall_diagnosis import diagnose
 
 

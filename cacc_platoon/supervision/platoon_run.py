@@ -9,7 +9,6 @@ import uuid
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from rclpy.executors import Executor
 
@@ -18,6 +17,7 @@ from cacc_platoon.dds import shared_memory
 from cacc_platoon.nodes.executor import create_executor
 from cacc_platoon.nodes.recorder import RecorderNode
 from cacc_platoon.runs.folder import RunFolder
+from cacc_platoon.runs.info import EndStatus, HostInfo, RunInfo
 from cacc_platoon.runs.parts import read_parts
 from cacc_platoon.runs.recording import recorded_samples
 from cacc_platoon.scenario import Scenario
@@ -27,7 +27,6 @@ from cacc_platoon.supervision.host_plan import HostPlan, plan_hosts
 from cacc_platoon.supervision.host_session import HostSession
 from cacc_platoon.supervision.log import LOG, logging_to, logs_to_stderr
 from cacc_platoon.supervision.outcome import conclude
-from cacc_platoon.supervision.run_events import EndStatus
 from cacc_platoon.supervision.run_machine import OWN_HOST, RunMachine
 from cacc_platoon.supervision.run_state import Run, summaries
 from cacc_platoon.supervision.supervisor_node import (
@@ -48,13 +47,13 @@ class Outcome:
         "finished", "failed" or "interrupted".
     message : str
         Why it did not finish; empty otherwise.
-    info : dict
+    info : RunInfo
         What run.json says.
     """
 
     status: EndStatus
     message: str
-    info: dict[str, Any]
+    info: RunInfo
 
 
 def run_platoon(
@@ -213,7 +212,7 @@ def _finish(
     counts = recorded_samples(recording, Graph.of(scenario))
     status, message = conclude(scenario, topics, run.end, counts)
     LOG.info("%s", ": ".join(filter(None, [status, message])))
-    info = {"status": status, "message": message, **_measured(conductor, scenario)}
+    info = _measured(conductor, scenario, status, message)
     try:
         info = folder.finish(
             scenario, recording, info, lambda k, n: observe("writing the bag", k, n)
@@ -230,14 +229,16 @@ def _parts_elsewhere(folder: RunFolder, run: Run) -> Recording:
     return read_parts([part for part in parts if folder.parts.absolute() not in part.parents])
 
 
-def _measured(conductor: Conductor, scenario: Scenario) -> dict[str, Any]:
-    """Return times, progress and hosts for run.json."""
+def _measured(conductor: Conductor, scenario: Scenario, status: EndStatus, message: str) -> RunInfo:
+    """Return how the run ended with its times, progress and hosts, for run.json."""
     run = conductor.run
     wall = 0.0 if run.started is None or run.ended is None else run.ended - run.started
-    return {
-        "samples": run.progress + 1,
-        "wall_time": wall,
-        "real_time_factor": scenario.run.duration / wall if wall else None,
-        "start_time": conductor.start_time,
-        "hosts": [host.to_dict() for host in summaries(run)],
-    }
+    return RunInfo(
+        status,
+        message,
+        samples=run.progress + 1,
+        wall_time=wall,
+        real_time_factor=scenario.run.duration / wall if wall else None,
+        start_time=conductor.start_time,
+        hosts=tuple(HostInfo(host.name, host.pid, host.nodes) for host in summaries(run)),
+    )

@@ -26,6 +26,7 @@ from cacc_platoon.nodes import qos
 from cacc_platoon.nodes.executor import create_executor
 from cacc_platoon.nodes.node import MESSAGE_TYPES
 from cacc_platoon.nodes.vehicle import VehicleNode
+from cacc_platoon.runs.info import EndStatus
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.names import NodeKind, NodeName
 from cacc_platoon.supervision.conductor import Conductor, Crew, Observer
@@ -33,7 +34,6 @@ from cacc_platoon.supervision.host import NODE_CLASSES, host_signals, serve
 from cacc_platoon.supervision.host_session import HostSession
 from cacc_platoon.supervision.log import log_to_stderr, logs_to_stderr
 from cacc_platoon.supervision.replay_machine import REPLAYED, REPLAYER, ReplayMachine
-from cacc_platoon.supervision.run_events import EndStatus
 from cacc_platoon.supervision.supervisor_node import start_supervisor
 from msg_adapters.topics import PlatoonTopics, Topic
 

@@ -3,18 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import StrEnum
 from typing import TypeAlias
 
+from cacc_platoon.runs.info import EndStatus
 from cacc_platoon.supervision.protocol import HostState
-
-
-class EndStatus(StrEnum):
-    """How a run ended, as run.json says."""
-
-    FINISHED = "finished"
-    FAILED = "failed"
-    INTERRUPTED = "interrupted"
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 
+from cacc_platoon.runs.info import EndStatus
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.supervision.agreement import disagreements
 from cacc_platoon.supervision.pacing import furthest_sample, horizon, stall_limit
@@ -21,7 +22,6 @@ from cacc_platoon.supervision.run_events import (
     Action,
     CloseOwnHost,
     EndRun,
-    EndStatus,
     Event,
     FollowRecorder,
     GraphObserved,

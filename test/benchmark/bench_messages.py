@@ -22,6 +22,7 @@ from rosbags.rosbag2 import Reader
 from cacc_platoon.bags.read import read_bag
 from cacc_platoon.bags.write import typestore
 from cacc_platoon.runs.folder import RunFolder
+from cacc_platoon.runs.info import RunInfo
 from cacc_platoon.runs.recording import recording_of
 from cacc_platoon.scenario.file import load_scenario
 from cacc_platoon.simulation import simulate
@@ -91,7 +92,7 @@ def time_readers(duration: float) -> dict[str, float]:
     found = {}
     with tempfile.TemporaryDirectory() as folder:
         run = RunFolder.create(Path(folder) / "run", scenario)
-        run.finish(scenario, recording_of(simulate(scenario)), {})
+        run.finish(scenario, recording_of(simulate(scenario)), RunInfo())
         for reader in (by_our_scan, by_rosbags, decoded_by_rosbags, by_mcap):
             times = []
             for _ in range(TRIES):

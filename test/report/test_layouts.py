@@ -4,6 +4,7 @@ import json
 import re
 import xml.dom.minidom
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml  # PyYAML, not the library that writes the layouts
@@ -27,7 +28,7 @@ TYPES = {
     "command": "geometry_msgs/msg/AccelStamped",
     "spacing_error": "geometry_msgs/msg/Vector3Stamped",
 }
-PLATOONS = {
+PLATOONS: dict[str, dict[str, object]] = {
     "the paper's": {},
     "one follower": {"platoon.followers": 1},
     "fifty": {"platoon.followers": 50},
@@ -37,7 +38,7 @@ PLATOONS = {
 }
 
 
-@pytest.fixture(params=PLATOONS.values(), ids=PLATOONS.keys())
+@pytest.fixture(params=PLATOONS.values(), ids=list(PLATOONS))
 def shown(request):
     return Scenario.from_values(request.param)
 
@@ -145,7 +146,7 @@ def test_plotjuggler_3(shown, files):
             linked,
             *(node for node in others.childNodes if node.nodeType == node.ELEMENT_NODE),
         ]
-        assert {source.firstChild.data for source in sources} <= known
+        assert {text(source) for source in sources} <= known
     followers = list(vehicles(shown))[1:]
     drawn = {f"gap_{i}" for i in (followers[0], followers[-1])}
     if shown.record.spacing_error:
@@ -161,7 +162,7 @@ def test_plotjuggler_3(shown, files):
 
 def test_plotjuggler_4(shown, files):
     document = xml.dom.minidom.parse(str(files["PlotJuggler 4"]))
-    root = document.documentElement
+    [root] = [node for node in document.childNodes if node.nodeType == node.ELEMENT_NODE]
     assert (root.tagName, root.getAttribute("pj4_version")) == ("root", "4")
     assert root.getAttribute("binding") == "generic"
     curves = document.getElementsByTagName("curve")
@@ -174,6 +175,11 @@ def test_plotjuggler_4(shown, files):
     check_docks(document)
     ids = [e.getAttribute("id") for e in document.getElementsByTagName("*") if e.hasAttribute("id")]
     assert len(set(ids)) == len(ids)
+
+
+def text(element: Any) -> str:
+    """Return the text inside of an XML element."""
+    return str(element.firstChild.data)
 
 
 def check_docks(document):
@@ -219,7 +225,7 @@ def test_the_computed_spacing_error_is_that_of_the_vehicle(tmp_path):
     write_layouts(View.of_scenario(scenario), tmp_path, ["plotjuggler"])
     document = xml.dom.minidom.parse(str(tmp_path / "plotjuggler3.xml"))
     functions = {
-        snippet.getAttribute("name"): snippet.getElementsByTagName("function")[0].firstChild.data
+        snippet.getAttribute("name"): text(snippet.getElementsByTagName("function")[0])
         for snippet in document.getElementsByTagName("snippet")
     }
     assert functions["delta_1"] == "return value - v1 + 7.5 + 0.95 * v2"
@@ -240,7 +246,7 @@ def test_plotjuggler_3_loads_the_recording_with_the_layout(tmp_path):
     assert loaded <= set(published(view.scenario))
     curves = {curve.getAttribute("name") for curve in document.getElementsByTagName("curve")}
     for source in document.getElementsByTagName("linked_source"):
-        curves.add(source.firstChild.data)
+        curves.add(text(source))
     assert all(any(c.startswith(f"{t}/") for t in loaded) for c in curves if c.startswith("/"))
 
 

@@ -26,7 +26,7 @@ def report_of(case, **settings):
     trajectory, expectation = simulate(scenario), simulate(scenario, "expected")
     measured, consistency = compute_metrics(trajectory), check_consistency(trajectory)
     grid = Grid(0, scenario.step_ns, scenario.samples, exact=True)
-    run = RecordedRun(Path("bag"), trajectory, scenario, grid, (), "0" * 64, "", 0, {})
+    run = RecordedRun(Path("bag"), trajectory, scenario, grid, (), "0" * 64, "", 0, None)
     return Report(
         Path("nowhere"),
         run,

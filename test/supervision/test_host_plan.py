@@ -6,10 +6,11 @@ import pytest
 
 from cacc_platoon.errors import UserError
 from cacc_platoon.runs.folder import RunFolder
+from cacc_platoon.runs.info import EndStatus
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.supervision.host_plan import HostPlan, divide, plan_hosts
 from cacc_platoon.supervision.outcome import conclude, lacking
-from cacc_platoon.supervision.run_events import EndRun, EndStatus
+from cacc_platoon.supervision.run_events import EndRun
 from msg_adapters.topics import Graph
 
 FOLDER = RunFolder(Path("run"))

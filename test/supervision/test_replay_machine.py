@@ -2,13 +2,13 @@
 
 import dataclasses
 
+from cacc_platoon.runs.info import EndStatus
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.names import NodeKind, NodeName
 from cacc_platoon.supervision.protocol import HostPhase, HostState
 from cacc_platoon.supervision.replay_machine import REPLAYED, REPLAYER, ReplayMachine
 from cacc_platoon.supervision.run_events import (
     Action,
-    EndStatus,
     Event,
     FollowRecorder,
     GraphObserved,

@@ -10,13 +10,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from cacc_platoon.runs.info import EndStatus
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.supervision.protocol import HostPhase, HostState, HostSummary, RunPhase
 from cacc_platoon.supervision.run_events import (
     Action,
     CloseOwnHost,
     EndRun,
-    EndStatus,
     Event,
     FollowRecorder,
     GraphObserved,

@@ -5,6 +5,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 import rclpy
@@ -80,5 +81,5 @@ def test_ros_reads_a_scenario_with_its_version(tmp_path: Path) -> None:
             assert TABLE[name].check(_plain(found[name]), "ros") == value, name
 
 
-def _plain(value: object) -> object:
-    return list(value) if not isinstance(value, str | int | float | bool) else value
+def _plain(value: Any) -> object:
+    return value if isinstance(value, str | int | float | bool) else list(value)

@@ -53,6 +53,7 @@ def test_number_of_processes_does_not_matter(platoon: Start, expected: str, host
     result = platoon(*SHORT, hosts=hosts).result()
     assert result.exit_code == 0, result.errors
     assert result.digest == expected
+    assert result.info
     assert len(result.info.hosts) == (25 if hosts == "per_node" else hosts)
 
 
@@ -60,6 +61,7 @@ def test_every_topic_has_every_sample(platoon: Start) -> None:
     run = platoon(*SHORT, hosts=2)
     result = run.result()
     topics = {topic.name for topic in Graph("/platoon", Topology(range(1, 13))).run_topics}
+    assert result.info
     assert result.info.messages == dict.fromkeys(topics, 2001)
 
 
@@ -111,6 +113,7 @@ def test_the_pace_does_not_matter(platoon: Start) -> None:
     settings = ("run.duration=4", "run.real_time_factor=2", "platoon.followers=3")
     result = platoon(*settings).result()
     assert result.digest == simulated_digest(load_scenario(PAPER_A, settings))
+    assert result.info
     assert result.info.real_time_factor == pytest.approx(2.0, rel=0.1)
 
 
@@ -134,6 +137,7 @@ def test_nodes_by_hand_may_record_themselves(platoon: Start, tmp_path: Path) -> 
         run.start(node, parameters=[f"record:={tmp_path / 'parts'}"])
     result = run.result()
     assert result.digest == simulated_digest(load_scenario(PAPER_A, settings))
+    assert result.info
     assert {host.name for host in result.info.hosts} == {
         node.replace("/", "_") for node in run.scenario.node_names
     }
@@ -144,6 +148,7 @@ def test_what_is_asked_for_is_recorded_of_nodes_by_hand_too(platoon: Start) -> N
     run = platoon(*settings, "run.manual_nodes=[vehicle_2/vehicle]")
     run.start("vehicle_2/vehicle")
     result = run.result()
+    assert result.info
     assert result.info.messages["/platoon/vehicle_1/command"] == 301
     assert result.info.messages["/platoon/vehicle_2/command"] == 301
 
