@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 
 from cacc_platoon.cli import main
-from cacc_platoon.runs import read_run
 from cacc_platoon.runs.info import EndStatus, InfoError, RunInfo
 from cacc_platoon.runs.locate import locate
 from cacc_platoon.runs.recorded_leader import with_recorded_leader
+from cacc_platoon.runs.recorded_run import read_run
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import format_scenario, load_scenario, scenario_version
 from cacc_platoon.simulation import simulate

@@ -11,8 +11,8 @@ from cacc_platoon.analysis.consistency import Consistency, check_consistency
 from cacc_platoon.analysis.metrics import Metrics, compute_metrics
 from cacc_platoon.analysis.verdict import Verdict, judge
 from cacc_platoon.bags.raw import Progress
-from cacc_platoon.runs import RecordedRun, read_run
 from cacc_platoon.runs.locate import locate
+from cacc_platoon.runs.recorded_run import RecordedRun, read_run
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.simulation import Ensemble, Trajectory, monte_carlo, simulate_mean
 

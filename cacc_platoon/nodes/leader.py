@@ -7,7 +7,6 @@ from std_msgs.msg import Int64
 from cacc_platoon.model import State
 from cacc_platoon.nodes import qos
 from cacc_platoon.nodes.node import PlatoonNode
-from cacc_platoon.runs.recorded_leader import with_recorded_leader
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.stepping.lockstep import LockstepLeader
 from msg_adapters.topics import PlatoonTopics
@@ -27,10 +26,19 @@ class LeaderNode(PlatoonNode):
             twist(stamp, state.velocity)
             accel(stamp, state.acceleration)
 
-        leader = LockstepLeader(with_recorded_leader(self.scenario), publish_state)
+        leader = LockstepLeader(_with_motion(self.scenario), publish_state)
         self.create_subscription(
             Int64,
             PlatoonTopics(self.scenario.platoon.namespace).horizon,
             lambda message: leader.take_horizon(message.data),
             qos.latched(),
         )
+
+
+def _with_motion(scenario: Scenario) -> Scenario:
+    """Return the scenario with the motion of a recorded leader, if it has one."""
+    if scenario.leader.profile != "bag":
+        return scenario
+    from cacc_platoon.runs.recorded_leader import with_recorded_leader  # noqa: PLC0415  (heavy)
+
+    return with_recorded_leader(scenario)

@@ -10,13 +10,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cacc_platoon.bags import BagError
 from cacc_platoon.bags.decode import Floats, rows_in_order_of_recording, rows_in_stamp_order
-from cacc_platoon.bags.raw import Bytes, Integers, Progress, RawTopic
+from cacc_platoon.bags.raw import BagError, Bytes, Integers, Progress, RawTopic
 from cacc_platoon.bags.read import RawBag, read_bag
 from cacc_platoon.errors import UserError
-from cacc_platoon.runs import RecordedRun, read_run
 from cacc_platoon.runs.locate import locate
+from cacc_platoon.runs.recorded_run import RecordedRun, read_run
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.names import NodeKind, NodeName, vehicle_name
 from msg_adapters.topics import Graph, Topic

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from cacc_platoon.bags import RawBag
 from cacc_platoon.bags.decode import Floats, Signal, rows_in_order_of_recording
+from cacc_platoon.bags.read import RawBag
 from cacc_platoon.bags.rows import TopicRows
 from cacc_platoon.runs.recording import with_deliveries
 from cacc_platoon.runs.sample_grid import Fault, Grid

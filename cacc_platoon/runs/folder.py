@@ -19,11 +19,9 @@ import numpy as np
 from cacc_platoon import __version__
 from cacc_platoon.bags.digest import run_digest
 from cacc_platoon.bags.rows import Recording
-from cacc_platoon.bags.write import write_bag
 from cacc_platoon.errors import UserError
 from cacc_platoon.runs.info import RunInfo
 from cacc_platoon.runs.parts import read_parts
-from cacc_platoon.runs.recording import with_deliveries
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import format_scenario, load_scenario
 from msg_adapters.topics import Graph, PlatoonTopics, queue_depth
@@ -110,6 +108,9 @@ class RunFolder:
         progress : callable, optional
             Called now and then with the sample written and the number of samples.
         """
+        from cacc_platoon.bags.write import write_bag  # noqa: PLC0415  (heavy: a run starts sooner)
+        from cacc_platoon.runs.recording import with_deliveries  # noqa: PLC0415
+
         prefix = scenario.platoon.namespace
         recording = with_deliveries(recording, Graph.of(scenario))
         digest = run_digest(recording, Graph.of(scenario))

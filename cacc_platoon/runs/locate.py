@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from cacc_platoon.bags import BagError
+from cacc_platoon.bags.raw import BagError
 from cacc_platoon.runs.folder import BAG, PARTS, SCENARIO_FILE, RunFolder
 from cacc_platoon.runs.info import INFO_FILE, EndStatus, RunInfo
 

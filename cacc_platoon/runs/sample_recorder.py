@@ -110,14 +110,24 @@ class SampleRecorder:
     def _count(self, topic: Topic, link: _CountedLink) -> Callable[[bytes], None]:
         """Return the receiver of the counts of a link."""
         take, decode = self._every_sample(topic), topic.codec.decode
+        counted = 0.0
 
         def receive(data: bytes) -> None:
+            nonlocal counted
             before = self.samples[topic.name]
             take(data)
-            if self.samples[topic.name] > before:
-                stamp, count = decode(data)
-                link.deliveries.count(stamp, int(count))
-                self._settle(link)
+            if self.samples[topic.name] == before:
+                return
+            stamp, count = decode(data)
+            if not (count.is_integer() and counted <= count):
+                self.failures.append(
+                    f"{topic.name}: counts {count:g} messages after {counted:g}: it comes from "
+                    "another publisher"
+                )
+                return
+            counted = count
+            link.deliveries.count(stamp, int(count))
+            self._settle(link)
 
         return receive
 

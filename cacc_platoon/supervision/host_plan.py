@@ -6,11 +6,14 @@ from dataclasses import dataclass
 from itertools import groupby, pairwise
 from operator import attrgetter
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from cacc_platoon.errors import UserError
-from cacc_platoon.runs.folder import RunFolder
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.names import NodeName, host_name
+
+if TYPE_CHECKING:
+    from cacc_platoon.runs.folder import RunFolder  # heavy, and hosts need it not
 
 LOCALHOST_PARTICIPANTS = 32
 """DDS participants that find each other on one machine by unicast, the supervisor included."""

@@ -21,7 +21,6 @@ from cacc_platoon.supervision.agreement import shared_parameters
 from cacc_platoon.supervision.host_machine import Endpoint, HostMachine
 from cacc_platoon.supervision.log import LOG
 from cacc_platoon.supervision.protocol import HostState, ProtocolError, RunStatus
-from cacc_platoon.supervision.run_state import some
 from msg_adapters.topics import PlatoonTopics
 
 
@@ -71,7 +70,7 @@ class HostSession:
         topics, carrier = PlatoonTopics(scenario.platoon.namespace), self._nodes[0]
         self._publisher = carrier.create_publisher(String, topics.host_state, _many_latched())
         carrier.create_subscription(String, topics.status, self._on_status, qos.latched())
-        LOG.info("host %s: process %d, %s", host, state.pid, some(state.nodes))
+        LOG.info("host %s: process %d, %s", host, state.pid, ", ".join(state.nodes))
         self._publish()
 
     @property

@@ -19,7 +19,6 @@ from cacc_platoon.nodes.recorder import RecorderNode
 from cacc_platoon.runs.folder import RunFolder
 from cacc_platoon.runs.info import EndStatus, HostInfo, RunInfo
 from cacc_platoon.runs.parts import read_parts
-from cacc_platoon.runs.recording import recorded_samples
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.supervision.conductor import Conductor, Crew, Observer
 from cacc_platoon.supervision.host import FLUSH_PERIOD
@@ -205,6 +204,8 @@ def _finish(
     folder: RunFolder, scenario: Scenario, conductor: Conductor, observe: Observer
 ) -> Outcome:
     """Write the bag and run.json."""
+    from cacc_platoon.runs.recording import recorded_samples  # noqa: PLC0415  (heavy)
+
     run = conductor.run
     assert run.end is not None
     recording = {**folder.recording(), **_parts_elsewhere(folder, run)}

@@ -83,7 +83,7 @@ class Result:
 
     def trajectory(self) -> Trajectory:
         """Return the arrays of the run, read from its bag."""
-        from cacc_platoon.runs import read_run  # noqa: PLC0415  (heavy)
+        from cacc_platoon.runs.recorded_run import read_run  # noqa: PLC0415  (heavy)
 
         return read_run(self.folder.bag).trajectory
 

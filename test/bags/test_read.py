@@ -8,8 +8,8 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
-from cacc_platoon.bags import BagError
-from cacc_platoon.runs import read_run
+from cacc_platoon.bags.raw import BagError
+from cacc_platoon.runs.recorded_run import read_run
 from cacc_platoon.simulation import simulate
 from msg_adapters.topics import VehicleTopics
 

@@ -12,7 +12,7 @@ from cacc_platoon.cli import main
 from cacc_platoon.reproduction.cases import CASES, case_scenario
 from cacc_platoon.reproduction.page import summary, write_reproduction
 from cacc_platoon.reproduction.reproduce import reproduce
-from cacc_platoon.runs import RecordedRun
+from cacc_platoon.runs.recorded_run import RecordedRun
 from cacc_platoon.runs.sample_grid import Grid
 from cacc_platoon.scenario.file import load_scenario
 from cacc_platoon.simulation import monte_carlo, simulate

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from cacc_platoon.analysis import analyse
-from cacc_platoon.bags import BagError
+from cacc_platoon.bags.raw import BagError
 from cacc_platoon.bags.rows import TopicRows
 from cacc_platoon.report import metrics_document
-from cacc_platoon.runs import read_run
+from cacc_platoon.runs.recorded_run import read_run
 from msg_adapters.topics import VehicleTopics
 
 SECOND = VehicleTopics("/platoon", 2)

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cacc_platoon.bags import read_bag, write_bag
 from cacc_platoon.bags.decode import rows_in_stamp_order
+from cacc_platoon.bags.read import read_bag
 from cacc_platoon.bags.rows import TopicRows
+from cacc_platoon.bags.write import write_bag
 from cacc_platoon.cli.simulate import simulate_run
 from cacc_platoon.errors import UserError
 from cacc_platoon.runs.recorded_leader import with_recorded_leader

@@ -24,12 +24,12 @@ FOLDER = Path("/parts/host_0")
 class Rig:
     """A recorder whose disk and whose listeners are lists."""
 
-    def __init__(self, *topics: Topic) -> None:
+    def __init__(self, *topics: Topic, scenario: Scenario = SCENARIO) -> None:
         self.topics = topics or (POSE, TWIST)
         self.written: dict[str, list[bytes]] = {topic.name: [] for topic in self.topics}
         self.progress: list[int] = []
         writers = {name: messages.append for name, messages in self.written.items()}
-        self.recorder = SampleRecorder(SCENARIO, self.topics, writers, FOLDER, self.progress.append)
+        self.recorder = SampleRecorder(scenario, self.topics, writers, FOLDER, self.progress.append)
         self.receive = {topic.name: self.recorder.receiver(topic) for topic in self.topics}
 
     def give(self, topic: Topic, sample: int) -> bytes:
@@ -128,3 +128,63 @@ def test_a_full_disk_is_a_failure_and_no_sample() -> None:
     assert recorder.failures == ["/parts/host_0: cannot be written: No space left on device"]
     assert recorder.samples[POSE.name] == 0
     assert progress == []
+
+
+# A channel that may lose packets.
+
+LOSSY = Scenario.from_values(
+    {"platoon.followers": 1, "run.duration": 0.3, "run.window": 20, "v2v.loss": 0.5}, None, "test"
+)
+COUNTED = VehicleTopics("/platoon", 1)
+
+
+def test_what_comes_over_a_lossy_channel_is_written_as_it_comes_and_counted() -> None:
+    """Samples 0, 2 and 3 arrive, 1 is lost; messages and counts come in any order."""
+    rig = Rig(COUNTED.received, COUNTED.complete, scenario=LOSSY)
+    received, complete = (rig.receive[t.name] for t in (COUNTED.received, COUNTED.complete))
+    complete(COUNTED.complete.codec.encode(0, 1.0))
+    assert rig.progress == []
+    received(COUNTED.received.codec.encode(0, 0.5))
+    assert rig.progress == [0]
+    for k in (2, 3):
+        received(COUNTED.received.codec.encode(k * STEP, 0.5))
+    for k, count in enumerate((1, 2, 3, 3, 3), start=1):
+        complete(COUNTED.complete.codec.encode(k * STEP, count))
+    assert rig.progress == [0, 5]
+    assert len(rig.written[COUNTED.received.name]) == 3
+    assert len(rig.written[COUNTED.complete.name]) == 6
+    assert rig.recorder.samples == {COUNTED.received.name: 6, COUNTED.complete.name: 6}
+    assert rig.recorder.failures == []
+
+
+@pytest.mark.parametrize("count", [0.0, 0.5, -1.0, float("nan"), float("inf")])
+def test_a_count_that_is_none_comes_from_another_publisher(count: float) -> None:
+    rig = Rig(COUNTED.received, COUNTED.complete, scenario=LOSSY)
+    rig.receive[COUNTED.complete.name](COUNTED.complete.codec.encode(0, 1.0))
+    rig.receive[COUNTED.complete.name](COUNTED.complete.codec.encode(STEP, count))
+    (failure,) = rig.recorder.failures
+    assert failure == (
+        f"/platoon/vehicle_1/v2v/complete: counts {count:g} messages after 1: it comes from "
+        "another publisher"
+    )
+
+
+@pytest.mark.parametrize("size", [0, 40])
+def test_a_received_message_of_another_size_is_refused(size: int) -> None:
+    rig = Rig(COUNTED.received, COUNTED.complete, scenario=LOSSY)
+    rig.receive[COUNTED.received.name](bytes(size))
+    (failure,) = rig.recorder.failures
+    assert failure.startswith(f"/platoon/vehicle_1/v2v/accel: a message of {size} bytes")
+
+
+def test_a_full_disk_is_a_failure_over_a_lossy_channel_too() -> None:
+    def full(_: bytes) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    topics = [COUNTED.received, COUNTED.complete]
+    writers = {topic.name: full for topic in topics}
+    recorder = SampleRecorder(LOSSY, topics, writers, FOLDER, lambda _: None)
+    for topic in topics:
+        recorder.receiver(topic)(topic.codec.encode(0, 0.0))
+    assert recorder.failures == 2 * ["/parts/host_0: cannot be written: No space left on device"]
+    assert recorder.samples == {topic.name: 0 for topic in topics}

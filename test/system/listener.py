@@ -42,6 +42,8 @@ def main() -> None:
     while sum(subscription.get_publisher_count() > 0 for subscription in subscriptions) < 50:
         executor.spin_once(timeout_sec=0.1)
     Path(sys.argv[3]).touch()
+    while not sum(counts.values()):  # on a loaded machine the run may take a while to start
+        executor.spin_once(timeout_sec=0.1)
     heard = -1
     while min(counts.values()) < samples and sum(counts.values()) > heard:
         heard = sum(counts.values())
