@@ -42,6 +42,7 @@ ROOMS = {
     "analysis": Room(JUDGED, {"numpy"}),
     "figures": Room({*JUDGED, "design"}, {"numpy"}, {"matplotlib"}),
     "supervision": Room({*RUNS, "stop_signal", "dds", "stepping", "nodes"}, {"numpy", *ROS}),
+    "sweep": Room({*JUDGED}, {"numpy"}),
     "report": Room({*JUDGED, "design", "figures"}, {"numpy", "ruamel"}, {"matplotlib"}),
     "replay": Room({*JUDGED, "figures"}, {"numpy"}),
     "testing": Room({*RUNS, "dds", "nodes", "supervision"}, {"numpy", *ROS}),

@@ -1,6 +1,6 @@
 """The whole platoon in arrays: the reference, expectation runs and Monte Carlo; numpy only."""
 
-from cacc_platoon.simulation.monte_carlo import Ensemble, monte_carlo, with_seed
+from cacc_platoon.simulation.monte_carlo import Ensemble, monte_carlo
 from cacc_platoon.simulation.platoon import (
     initial_positions,
     propagate,
@@ -18,5 +18,4 @@ __all__ = [
     "propagate",
     "simulate",
     "simulate_mean",
-    "with_seed",
 ]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,11 +37,6 @@ class Ensemble:
     max_abs_spacing_error: Array
 
 
-def with_seed(scenario: Scenario, seed: int) -> Scenario:
-    """Return the scenario with another seed."""
-    return dataclasses.replace(scenario, run=dataclasses.replace(scenario.run, seed=seed))
-
-
 def monte_carlo(scenario: Scenario, runs: int, progress: Progress | None = None) -> Ensemble:
     """Simulate `runs` noisy runs with consecutive seeds and gather their spacing errors.
 
@@ -74,7 +68,8 @@ def monte_carlo(scenario: Scenario, runs: int, progress: Progress | None = None)
 
 def _spacing_errors(scenario: Scenario, seeds: range) -> Array:
     """Return the spacing errors of a batch, shape (samples, len(seeds), N)."""
-    members = [with_seed(scenario, scenario.run.seed + offset) for offset in seeds]
+    first = scenario.run.seed
+    members = [scenario.with_values({"run.seed": first + offset}) for offset in seeds]
     states = propagate(
         scenario, links_of([plan_links(one, "bits") for one in members]), runs=len(seeds)
     )

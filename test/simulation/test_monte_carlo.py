@@ -9,7 +9,7 @@ import pytest
 
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import load_scenario
-from cacc_platoon.simulation import monte_carlo, simulate, with_seed
+from cacc_platoon.simulation import monte_carlo, simulate
 
 CONFIG = Path(__file__).parents[2] / "config"
 SHORT = Scenario.from_values(
@@ -45,7 +45,9 @@ def batches_of_seven(monkeypatch):
 @pytest.mark.usefixtures("batches_of_seven")
 def test_each_run_is_the_simulation_of_its_seed():
     ensemble = monte_carlo(SHORT, runs=60)
-    errors = np.array([simulate(with_seed(SHORT, 1 + r)).spacing_error for r in range(60)])
+    errors = np.array(
+        [simulate(SHORT.with_values({"run.seed": 1 + r})).spacing_error for r in range(60)]
+    )
     np.testing.assert_array_equal(ensemble.max_abs_spacing_error, np.abs(errors).max(axis=1))
     np.testing.assert_array_equal(ensemble.low, errors.min(axis=0))
     np.testing.assert_array_equal(ensemble.high, errors.max(axis=0))
@@ -83,6 +85,6 @@ def test_progress_is_told():
 
 @pytest.mark.parametrize("seed", [0, 2**63 - 1])
 def test_another_seed_is_another_run_of_the_same_scenario(seed):
-    other = with_seed(SHORT, seed)
+    other = SHORT.with_values({"run.seed": seed})
     assert dataclasses.replace(other, run=SHORT.run) == SHORT
     assert not np.array_equal(simulate(other).received, simulate(SHORT).received)

@@ -1,0 +1,89 @@
+"""One scenario as one row of numbers: judged by its parameters, simulated in arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cacc_platoon.analysis import compute_metrics, judge
+from cacc_platoon.scenario import Scenario
+from cacc_platoon.simulation import simulate, simulate_mean
+
+
+@dataclass(frozen=True)
+class Row:
+    """What a scenario gives; plain numbers, so that it can be pickled and put into a table.
+
+    Attributes
+    ----------
+    name : str
+        The scenario's.
+    seed : int
+        Of the simulated run.
+    string_stable : bool
+        The exact test of the mean system, every follower; see `cacc_platoon.analysis.Verdict`.
+    headline, basis : str
+        The verdict in a few words, and the test it rests on.
+    l2_gain, linf_gain : float
+        Largest sup |H| and largest L-infinity gain of a hop; NaN where one is undecided.
+    mean_first_peak, mean_last_peak : float
+        max |delta_i| [m] of the first and the last follower in the mean system.
+    first_peak, last_peak : float
+        The same in the one run of this seed, which certifies nothing.
+    min_gap : float
+        Smallest gap of any follower in that run [m].
+    loss : float
+        Largest share of packets lost on a link in that run.
+    """
+
+    name: str
+    seed: int
+    string_stable: bool
+    headline: str
+    basis: str
+    l2_gain: float
+    linf_gain: float
+    mean_first_peak: float
+    mean_last_peak: float
+    first_peak: float
+    last_peak: float
+    min_gap: float
+    loss: float
+
+
+def evaluate(scenario: Scenario) -> Row:
+    """Judge and simulate a scenario; a pure function, for any `concurrent.futures` executor.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        What to evaluate; `Scenario.with_values` makes others from one.
+
+    Examples
+    --------
+    >>> short = Scenario.from_values({"run.duration": 20.0, "platoon.followers": 3})
+    >>> headways = (0.95, 0.65)
+    >>> rows = [evaluate(short.with_values({"controller.time_headway": h})) for h in headways]
+    >>> [row.string_stable for row in rows]
+    [True, False]
+    """
+    with np.errstate(all="ignore"):  # an unstable scenario overflows, and that is its result
+        run = compute_metrics(simulate(scenario))
+        mean = compute_metrics(simulate_mean(scenario)).max_abs_spacing_error
+    verdict = judge(scenario)
+    return Row(
+        scenario.name,
+        scenario.run.seed,
+        verdict.string_stable,
+        verdict.headline,
+        verdict.basis,
+        verdict.weakest.l2_gain,
+        verdict.linf_gain,
+        float(mean[0]),
+        float(mean[-1]),
+        float(run.max_abs_spacing_error[0]),
+        float(run.max_abs_spacing_error[-1]),
+        float(np.min(run.min_gap)),
+        max(link.loss for link in run.reception),
+    )

@@ -1,0 +1,42 @@
+"""A channel and a control law of one's own, named by a scenario as own_parts:<name>."""
+
+from cacc_platoon.model import ComposedChannel, ContentNoise, IndependentLoss, Packets
+from cacc_platoon.scenario import Follower
+
+
+class Jitter:
+    """Delays packet p by 0 to 3 samples, so that packets overtake others."""
+
+    prompt = False
+    longest_delay = 3
+
+    def apply(self, packets: Packets) -> Packets:
+        return packets._replace(delay=packets.delay + (packets.number * 7) % 4)
+
+
+def late(follower: Follower) -> ComposedChannel:
+    loss = IndependentLoss(0.2, follower.seed, follower.index)
+    return ComposedChannel([ContentNoise(follower.noise()), loss, Jitter()])
+
+
+class Cautious:
+    """The follower's own law with half of its feed-forward."""
+
+    def __init__(self, follower: Follower) -> None:
+        self._law = follower.spacing_policy()
+
+    def command(
+        self,
+        position: float,
+        velocity: float,
+        predecessor_position: float,
+        predecessor_velocity: float,
+        received_acceleration: float,
+    ) -> float:
+        return self._law.command(
+            position,
+            velocity,
+            predecessor_position,
+            predecessor_velocity,
+            0.5 * received_acceleration,
+        )

@@ -1,0 +1,115 @@
+"""Lossy links on real nodes: the digest of the simulation, and a bag that holds what arrived."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rosbags.rosbag2 import Reader
+
+from cacc_platoon.analysis import analyse
+from cacc_platoon.bags.digest import run_digest
+from cacc_platoon.runs.recording import recording_of
+from cacc_platoon.scenario.file import load_scenario
+from cacc_platoon.simulation import simulate
+from cacc_platoon.testing import Platoon
+from msg_adapters.stamped import stamp_of
+from msg_adapters.topics import Graph
+
+HERE = Path(__file__).parent
+PAPER_A = HERE.parents[1] / "config" / "paper_a.yaml"
+LOSSY = ("run.duration=8", "platoon.followers=4", "leader.start=1", "v2v.loss=0.3")
+OWN = ("v2v.channel=own_parts:late", "controller.law=own_parts:Cautious")
+
+Start = Callable[..., Platoon]
+
+
+def simulated_digest(*settings: str) -> str:
+    scenario = load_scenario(PAPER_A, settings)
+    return run_digest(recording_of(simulate(scenario)), Graph.of(scenario))
+
+
+@pytest.mark.parametrize(("reception", "hosts"), [("hold", 1), ("hold", "per_node"), ("zero", 2)])
+def test_one_digest_for_nodes_and_simulation(
+    platoon: Start, reception: str, hosts: int | str
+) -> None:
+    settings = (*LOSSY, f"v2v.reception={reception}")
+    result = platoon(*settings, hosts=hosts).result()
+    assert result.exit_code == 0, result.errors
+    assert result.digest == simulated_digest(*settings)
+
+
+def test_the_bag_holds_what_arrived(platoon: Start) -> None:
+    run = platoon(*LOSSY, hosts=2)
+    result = run.result()
+    assert result.exit_code == 0, result.errors
+    trajectory = simulate(run.scenario)
+    assert trajectory.arrivals is not None
+    for arrivals, vehicle in zip(
+        trajectory.arrivals, list(Graph.of(run.scenario).vehicles.values())[1:], strict=True
+    ):
+        with Reader(result.folder.bag) as reader:  # a second reader
+            wanted = [c for c in reader.connections if c.topic == vehicle.received.name]
+            messages = [(log, stamp_of(data)) for _, log, data in reader.messages(wanted)]
+        step = run.scenario.step_ns
+        assert [stamp // step for _, stamp in messages] == arrivals.source.tolist()
+        assert [log // step for log, _ in messages] == arrivals.sample.tolist()
+    report = analyse(result.folder.path, runs=0)
+    assert report.run.findings == ()
+    assert report.consistency.largest == 0.0
+    assert report.verdict.void == ()
+    for link in report.measured.reception:
+        assert 0.2 < link.loss < 0.4
+        assert 0.0 < link.age_max < 0.2
+
+
+def test_a_channel_and_a_law_by_name_run_on_nodes(
+    platoon: Start, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Late packets that overtake others: delivery stamps differ, and the digest has them."""
+    monkeypatch.syspath_prepend(str(HERE))
+    settings = (*LOSSY, *OWN)
+    run = platoon(*settings, hosts=2, environment={"PYTHONPATH": str(HERE)})
+    result = run.result()
+    assert result.exit_code == 0, result.errors
+    assert result.digest == simulated_digest(*settings)
+    report = analyse(result.folder.path, runs=0)
+    assert report.run.digest == result.digest
+    assert [reason for reason in report.verdict.void if "own_parts" in reason] != []
+    assert report.measured.reception[0].age_max >= 0.02
+
+
+@pytest.mark.parametrize("node", ["vehicle", "noise_relay"])
+def test_a_lossy_node_is_replayed_bit_for_bit(platoon: Start, tmp_path: Path, node: str) -> None:
+    run = platoon(*LOSSY, hosts=2)
+    assert run.result().exit_code == 0
+    answer = subprocess.run(
+        [
+            *(sys.executable, "-m", "cacc_platoon", "replay", str(run.folder.path)),
+            *("--vehicle", "2", "--node", node, "--json"),
+        ],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+        env=run.environment(),
+    )
+    assert answer.returncode == 0, answer.stderr
+    assert json.loads(answer.stdout)["identical"] is True
+
+
+def test_a_killed_relay_is_named_and_the_bag_is_readable(platoon: Start) -> None:
+    relay = {"vehicle_2/noise_relay": ""}
+    run = platoon("run.duration=60", *LOSSY[1:], "run.stall_timeout=2", manual_nodes=relay)
+    run.start("vehicle_2/noise_relay")
+    run.wait_sample(200)
+    run.kill("vehicle_2/noise_relay")
+    result = run.result()
+    assert result.exit_code == 1
+    assert "vehicle_2/noise_relay" in result.message
+    report = analyse(result.folder.path, runs=0)
+    assert len(report.run.trajectory.time) > 200
+    assert np.isfinite(report.run.trajectory.received[:200]).all()
