@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 from std_msgs.msg import Int64
 
-from cacc_platoon.model import State
 from cacc_platoon.nodes import qos
 from cacc_platoon.nodes.node import PlatoonNode
 from cacc_platoon.scenario import Scenario
-from cacc_platoon.stepping.lockstep import LockstepLeader
 from msg_adapters.topics import PlatoonTopics
 
 
@@ -17,20 +17,12 @@ class LeaderNode(PlatoonNode):
 
     def __init__(self, scenario: Scenario | None = None, index: int | None = None) -> None:
         super().__init__("leader", ("platoon", "leader", "run"), scenario, index)
-        pose = self.create_stream(self.topics.pose)
-        twist = self.create_stream(self.topics.twist)
-        accel = self.create_stream(self.topics.accel)
-
-        def publish_state(stamp: int, state: State[float]) -> None:
-            pose(stamp, state.position)
-            twist(stamp, state.velocity)
-            accel(stamp, state.acceleration)
-
-        leader = LockstepLeader(_with_motion(self.scenario), publish_state)
+        steppers = dataclasses.replace(self.steppers, scenario=_with_motion(self.scenario))
+        stepper = steppers.leader(self.create_motion_stream())
         self.create_subscription(
             Int64,
             PlatoonTopics(self.scenario.platoon.namespace).horizon,
-            lambda message: leader.take_horizon(message.data),
+            lambda message: stepper.take_horizon(message.data),
             qos.latched(),
         )
 

@@ -8,10 +8,12 @@ from typing import Any
 from geometry_msgs.msg import AccelStamped, PoseStamped, TwistStamped, Vector3Stamped
 from rclpy.node import Node
 
+from cacc_platoon.model import State
 from cacc_platoon.nodes import qos, ros_parameters
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.names import NodeKind, NodeName
-from cacc_platoon.stepping.lockstep import LockstepError
+from cacc_platoon.stepping.lockstep import LockstepError, PublishState
+from cacc_platoon.stepping.stepper import Steppers
 from msg_adapters.stamped import ACCEL, POSE, TWIST, VECTOR, LayoutError
 from msg_adapters.topics import Topic, VehicleTopics
 
@@ -40,6 +42,8 @@ class PlatoonNode(Node):  # type: ignore[misc]
 
     Attributes
     ----------
+    steppers : Steppers
+        What decides its samples.
     failures : list of str
         What went wrong with incoming messages; the first one ends the run.
     """
@@ -61,10 +65,22 @@ class PlatoonNode(Node):  # type: ignore[misc]
             super().__init__(name, namespace=namespace, use_global_arguments=False)
         self.scenario, self.index, self.groups = scenario, index, groups
         self.failures: list[str] = []
+        self.steppers = Steppers(scenario, lambda: int(self.get_clock().now().nanoseconds))
         self.topics = VehicleTopics(scenario.platoon.namespace, index)
         self.predecessor = VehicleTopics(scenario.platoon.namespace, index - 1)
         own = scenario.overrides.get(index, {})
         ros_parameters.declare(self, scenario, own, groups)
+
+    def create_motion_stream(self) -> PublishState:
+        """Return a function that publishes stamp [ns] and state on pose, twist and accel."""
+        pose, twist, accel = (self.create_stream(topic) for topic in self.topics.motion)
+
+        def send(stamp: int, state: State[float]) -> None:
+            pose(stamp, state.position)
+            twist(stamp, state.velocity)
+            accel(stamp, state.acceleration)
+
+        return send
 
     def create_stream(self, topic: Topic) -> Callable[..., None]:
         """Return a function that publishes (stamp [ns], x[, y]) on a topic."""

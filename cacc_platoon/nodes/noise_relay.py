@@ -7,7 +7,6 @@ from collections.abc import Callable
 from cacc_platoon.model import Channel
 from cacc_platoon.nodes.node import PlatoonNode
 from cacc_platoon.scenario import Follower, Scenario
-from cacc_platoon.stepping.lockstep import LockstepRelay
 
 
 class NoiseRelayNode(PlatoonNode):
@@ -27,11 +26,10 @@ class NoiseRelayNode(PlatoonNode):
     ) -> None:
         super().__init__("noise_relay", ("platoon", "v2v", "run"), scenario, index)
         follower = self.scenario.follower(self.index)
-        relay = LockstepRelay(
+        stepper = self.steppers.relay(
             follower,
-            self.scenario,
             self.create_stream(self.topics.received),
             self.create_stream(self.topics.complete) if follower.counted else None,
-            channel(follower) if channel else None,
+            channel=channel(follower) if channel else None,
         )
-        self.follow_stream(self.predecessor.accel, relay.take)
+        self.follow_stream(self.predecessor.accel, stepper.take)

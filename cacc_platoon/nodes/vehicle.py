@@ -7,7 +7,6 @@ from collections.abc import Callable
 from cacc_platoon.model import ControlLaw, State
 from cacc_platoon.nodes.node import PlatoonNode
 from cacc_platoon.scenario import Follower, Scenario
-from cacc_platoon.stepping.lockstep import LockstepFollower
 
 
 class VehicleNode(PlatoonNode):
@@ -30,15 +29,6 @@ class VehicleNode(PlatoonNode):
     ) -> None:
         groups = ("platoon", "vehicle", "controller", "v2v", "run", "record")
         super().__init__("vehicle", groups, scenario, index)
-        pose = self.create_stream(self.topics.pose)
-        twist = self.create_stream(self.topics.twist)
-        accel = self.create_stream(self.topics.accel)
-
-        def publish_state(stamp: int, state: State[float]) -> None:
-            pose(stamp, state.position)
-            twist(stamp, state.velocity)
-            accel(stamp, state.acceleration)
-
         record = self.scenario.record
         command = self.create_stream(self.topics.command) if record.command else None
         error = self.create_stream(self.topics.spacing_error) if record.spacing_error else None
@@ -50,16 +40,15 @@ class VehicleNode(PlatoonNode):
                 error(stamp, delta, gap_error)
 
         follower = self.scenario.follower(self.index)
-        core = LockstepFollower(
+        stepper = self.steppers.follower(
             follower,
-            self.scenario,
-            publish_state,
+            self.create_motion_stream(),
             publish_command if command or error else None,
-            law(follower) if law else None,
+            law=law(follower) if law else None,
             initial=initial,
         )
-        self.follow_stream(self.predecessor.pose, core.take_position)
-        self.follow_stream(self.predecessor.twist, core.take_velocity)
-        self.follow_stream(self.topics.received, core.take_acceleration)
+        self.follow_stream(self.predecessor.pose, stepper.take_position)
+        self.follow_stream(self.predecessor.twist, stepper.take_velocity)
+        self.follow_stream(self.topics.received, stepper.take_acceleration)
         if follower.counted:
-            self.follow_stream(self.topics.complete, core.take_count)
+            self.follow_stream(self.topics.complete, stepper.take_count)
