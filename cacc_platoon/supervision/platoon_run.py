@@ -17,7 +17,7 @@ from cacc_platoon.dds import shared_memory
 from cacc_platoon.nodes.executor import create_executor
 from cacc_platoon.nodes.recorder import RecorderNode
 from cacc_platoon.runs.folder import RunFolder
-from cacc_platoon.runs.info import EndStatus, HostInfo, RunInfo
+from cacc_platoon.runs.info import EndStatus, RunInfo
 from cacc_platoon.runs.parts import read_parts
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.supervision.conductor import Conductor, Crew, Observer
@@ -241,5 +241,5 @@ def _measured(conductor: Conductor, scenario: Scenario, status: EndStatus, messa
         wall_time=wall,
         real_time_factor=scenario.run.duration / wall if wall else None,
         start_time=conductor.start_time,
-        hosts=tuple(HostInfo(host.name, host.pid, host.nodes) for host in summaries(run)),
+        hosts=summaries(run),
     )

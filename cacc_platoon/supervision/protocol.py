@@ -14,13 +14,13 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TypeAlias
 
+from cacc_platoon.runs.info import HostInfo
 from cacc_platoon.supervision.json_fields import VERSION, Fields, ProtocolError, Value, sendable
 
 __all__ = [
     "VERSION",
     "HostPhase",
     "HostState",
-    "HostSummary",
     "ProtocolError",
     "RunPhase",
     "RunStatus",
@@ -145,29 +145,6 @@ class HostState:
 
 
 @dataclass(frozen=True)
-class HostSummary:
-    """What everybody may know of a host: its name, its process, its nodes."""
-
-    name: str
-    pid: int
-    nodes: tuple[str, ...]
-
-    def to_dict(self) -> dict[str, object]:
-        """Return the JSON object of this record, as it stands in the status and in run.json."""
-        return {"name": self.name, "pid": self.pid, "nodes": list(self.nodes)}
-
-    @classmethod
-    def from_value(cls, value: object) -> HostSummary:
-        """Return the record of a JSON value, or raise ProtocolError."""
-        fields = Fields(value, "a host")
-        return cls(
-            name=fields.host("name"),
-            pid=fields.integer("pid", at_least=1),
-            nodes=fields.texts("nodes"),
-        )
-
-
-@dataclass(frozen=True)
 class RunStatus:
     """What the supervisor says of the run.
 
@@ -181,7 +158,7 @@ class RunStatus:
         Sample up to which everything is recorded, -1 before the first, and how many there will be.
     message : str
         Why the run has failed; empty otherwise.
-    hosts : tuple of HostSummary
+    hosts : tuple of HostInfo
         Hosts that have appeared.
     subscribers : mapping of str to int
         While matching: how many subscribers each data topic has to have before the run may start.
@@ -192,7 +169,7 @@ class RunStatus:
     sample: int = -1
     samples: int = 0
     message: str = ""
-    hosts: tuple[HostSummary, ...] = ()
+    hosts: tuple[HostInfo, ...] = ()
     subscribers: Mapping[str, int] = field(default_factory=dict)
 
     def to_json(self) -> str:
@@ -205,7 +182,7 @@ class RunStatus:
                 "sample": self.sample,
                 "samples": self.samples,
                 "message": self.message,
-                "hosts": [host.to_dict() for host in self.hosts],
+                "hosts": [host.to_json() for host in self.hosts],
                 "subscribers": self.subscribers,
             }
         )
@@ -226,6 +203,16 @@ class RunStatus:
             sample=fields.integer("sample", at_least=-1),
             samples=fields.integer("samples", at_least=0),
             message=fields.text("message"),
-            hosts=tuple(HostSummary.from_value(host) for host in fields.items("hosts")),
+            hosts=tuple(_host_info(host) for host in fields.items("hosts")),
             subscribers=fields.counts("subscribers"),
         )
+
+
+def _host_info(value: object) -> HostInfo:
+    """Return the host of a JSON value, or raise ProtocolError."""
+    fields = Fields(value, "a host")
+    return HostInfo(
+        name=fields.host("name"),
+        pid=fields.integer("pid", at_least=1),
+        nodes=fields.texts("nodes"),
+    )

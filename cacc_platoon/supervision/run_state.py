@@ -7,7 +7,8 @@ from enum import StrEnum
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from cacc_platoon.supervision.protocol import HostPhase, HostState, HostSummary, RunPhase
+from cacc_platoon.runs.info import HostInfo
+from cacc_platoon.supervision.protocol import HostPhase, HostState, RunPhase
 from cacc_platoon.supervision.run_events import EndRun, ProcessEnded
 
 _NOTHING: Mapping[str, Any] = MappingProxyType({})
@@ -109,9 +110,9 @@ def silent_hosts(run: Run) -> list[str]:
     ]
 
 
-def summaries(run: Run) -> tuple[HostSummary, ...]:
+def summaries(run: Run) -> tuple[HostInfo, ...]:
     """Return name, process and nodes of every host, by name."""
-    return tuple(HostSummary(name, h.pid, h.nodes) for name, h in sorted(run.hosts.items()))
+    return tuple(HostInfo(name, h.pid, h.nodes) for name, h in sorted(run.hosts.items()))
 
 
 def some(items: Sequence[str], limit: int = 6) -> str:

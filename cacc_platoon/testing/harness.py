@@ -41,11 +41,11 @@ from cacc_platoon.dds.shared_memory import cleared_segments
 from cacc_platoon.nodes import qos
 from cacc_platoon.nodes.node import MESSAGE_TYPES
 from cacc_platoon.runs.folder import RunFolder
-from cacc_platoon.runs.info import RunInfo
+from cacc_platoon.runs.info import HostInfo, RunInfo
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import format_scenario, load_scenario
 from cacc_platoon.simulation import Trajectory
-from cacc_platoon.supervision.protocol import HostSummary, ProtocolError, RunStatus
+from cacc_platoon.supervision.protocol import ProtocolError, RunStatus
 from msg_adapters.topics import PlatoonTopics, Topic
 
 PATIENCE = 60.0
@@ -364,7 +364,7 @@ class Platoon:
         return self._status.sample if self._status else -1
 
     @property
-    def _hosts(self) -> tuple[HostSummary, ...]:
+    def _hosts(self) -> tuple[HostInfo, ...]:
         return self._status.hosts if self._status else ()
 
     def _run(self, name: str, command: Sequence[str], output: Path, errors: Path) -> int:

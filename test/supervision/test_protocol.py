@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from cacc_platoon.runs.info import HostInfo
 from cacc_platoon.supervision.json_fields import MAX_CHARACTERS, MAX_INTEGER, MAX_TEXT
 from cacc_platoon.supervision.protocol import (
     VERSION,
     HostPhase,
     HostState,
-    HostSummary,
     ProtocolError,
     RunPhase,
     RunStatus,
@@ -40,7 +40,7 @@ STATUS = RunStatus(
     sample=12,
     samples=2001,
     message="",
-    hosts=(HostSummary("0", 4711, ("vehicle_0/leader",)),),
+    hosts=(HostInfo("0", 4711, ("vehicle_0/leader",)),),
     subscribers={"/platoon/vehicle_0/pose": 2},
 )
 BOTH = pytest.mark.parametrize("record", [HOST, STATUS], ids=["host state", "run status"])
@@ -80,7 +80,7 @@ run_statuses = st.builds(
     sample=st.integers(-1, MAX_INTEGER),
     samples=st.integers(0, MAX_INTEGER),
     message=texts,
-    hosts=st.lists(st.builds(HostSummary, names, pids, lists), max_size=3).map(tuple),
+    hosts=st.lists(st.builds(HostInfo, names, pids, lists), max_size=3).map(tuple),
     subscribers=st.dictionaries(texts, st.integers(0, MAX_INTEGER), max_size=5),
 )
 values = st.recursive(

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cacc_platoon.runs.info import EndStatus
+from cacc_platoon.runs.info import EndStatus, HostInfo
 from cacc_platoon.scenario import Scenario
-from cacc_platoon.supervision.protocol import HostPhase, HostState, HostSummary, RunPhase
+from cacc_platoon.supervision.protocol import HostPhase, HostState, RunPhase
 from cacc_platoon.supervision.run_events import (
     Action,
     CloseOwnHost,
@@ -380,8 +380,8 @@ def test_everybody_is_told_how_many_subscribers_to_wait_for() -> None:
     assert status.subscribers == {TOPICS[0]: 3, TOPICS[1]: 0}
     assert (status.run, status.phase, status.sample, status.samples) == (RUN, "matching", -1, 101)
     assert status.hosts == (
-        HostSummary("front", 100, FRONT.nodes),
-        HostSummary("rear", 101, REAR.nodes),
+        HostInfo("front", 100, FRONT.nodes),
+        HostInfo("rear", 101, REAR.nodes),
     )
     assert play.machine.status(play.run).subscribers == {}
 
