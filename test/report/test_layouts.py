@@ -6,6 +6,7 @@ import xml.dom.minidom
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import yaml  # PyYAML, not the library that writes the layouts
 from rosbags.typesys import Stores, get_typestore
@@ -17,6 +18,7 @@ from cacc_platoon.errors import UserError
 from cacc_platoon.report.layouts import VIEWERS, View, write_layouts
 from cacc_platoon.report.layouts.plots import MOST_CURVES
 from cacc_platoon.scenario import Scenario
+from cacc_platoon.simulation import simulate
 from msg_adapters.topics import VehicleTopics
 
 ROS = get_typestore(Stores.ROS2_JAZZY)
@@ -219,18 +221,38 @@ def test_rviz(shown, files):
     assert displays["markers"]["Topic"]["Value"] == f"{prefix}/markers"
 
 
-def test_the_computed_spacing_error_is_that_of_the_vehicle(tmp_path):
-    values = {"platoon.followers": 3, "platoon.standstill_distance": 7.5}
+def test_what_plotjuggler_3_computes_is_what_the_simulation_has(tmp_path):
+    values = {"platoon.followers": 3, "platoon.standstill_distance": 7.5, "run.duration": 12.0}
     scenario = Scenario.from_values(values, {2: {"controller.time_headway": 1.25}})
     write_layouts(View.of_scenario(scenario), tmp_path, ["plotjuggler"])
+    run = simulate(scenario)
+    signals = {}
+    for column in range(4):
+        vehicle = f"/platoon/vehicle_{column}"
+        signals[f"{vehicle}/pose/pose/position/x"] = run.position[:, column]
+        signals[f"{vehicle}/twist/twist/linear/x"] = run.velocity[:, column]
     document = xml.dom.minidom.parse(str(tmp_path / "plotjuggler3.xml"))
-    functions = {
-        snippet.getAttribute("name"): text(snippet.getElementsByTagName("function")[0])
+    computed = {
+        snippet.getAttribute("name"): computed_curve(snippet, signals)
         for snippet in document.getElementsByTagName("snippet")
     }
-    assert functions["delta_1"] == "return value - v1 + 7.5 + 0.95 * v2"
-    assert functions["delta_2"] == "return value - v1 + 7.5 + 1.25 * v2"
-    assert functions["gap_2"] == "return v1 - value"
+    for column in range(3):
+        error, gap = run.spacing_error[:, column], run.gap[:, column]
+        assert computed[f"delta_{column + 1}"] == pytest.approx(error, abs=1e-9)
+        assert computed[f"gap_{column + 1}"] == pytest.approx(gap)
+    assert np.abs(run.spacing_error).max() > 1e-3
+
+
+def computed_curve(snippet: Any, signals: dict[str, Any]) -> Any:
+    """Evaluate a curve's function, whose Lua is arithmetic that Python has too."""
+    names = {"value": signals[text(snippet.getElementsByTagName("linked_source")[0])]}
+    others = snippet.getElementsByTagName("additional_sources")[0]
+    for node in others.childNodes:
+        if node.nodeType == node.ELEMENT_NODE:
+            names[node.tagName] = signals[text(node)]
+    function = text(snippet.getElementsByTagName("function")[0])
+    assert function.startswith("return ")
+    return eval(function.removeprefix("return "), {}, names)
 
 
 def test_plotjuggler_3_loads_the_recording_with_the_layout(tmp_path):
