@@ -36,12 +36,12 @@ LINF_NAME = (
 )
 
 ZERO_NAME = (
-    "lost packets count as zero: the mean system of every packet reception probability from p to 1 "
-    "has k in [p m k_a, M k_a], p = {:.6g}"
+    "lost packets count as zero: judged is the mean system of every packet reception probability "
+    "from p = {:.6g} to 1, k in [p m k_a, M k_a]"
 )
 HOLD_NAME = (
-    "the last packet is held while others are lost: the mean system, at the packet reception "
-    "probability p = {:.6g} and the control period of the run, passes the exact test of the "
+    "the last packet is held while others are lost: judged is the mean system too, at the packet "
+    "reception probability p = {:.6g} and the control period of the run, by the exact test of the "
     "sampled loop with k filtered by p/(1 - (1 - p)/z)"
 )
 
@@ -236,7 +236,7 @@ def judge(
     return Verdict(
         stable,
         all(verdict.in_paper_region for verdict in verdicts),
-        "; ".join((EXACT_TEST, law, L2_NAME, *_loss_names(scenario))),
+        "; ".join((EXACT_TEST, law, L2_NAME, *loss_bases(scenario))),
         equal,
         (
             *_sampled_too_slowly(verdicts),
@@ -281,7 +281,7 @@ def _reception(follower: Follower) -> tuple[float, float]:
     return (1.0, arrives) if follower.v2v.reception == "hold" else (arrives, 1.0)
 
 
-def _loss_names(scenario: Scenario) -> list[str]:
+def loss_bases(scenario: Scenario) -> list[str]:
     """Say what the certificate means where packets may be lost, at the lossiest link."""
     pairs = [_reception(follower) for follower in scenario.followers]
     zero, held = min(pair[0] for pair in pairs), min(pair[1] for pair in pairs)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from cacc_platoon.analysis.age import information_age
 from cacc_platoon.analysis.noise import LinkNoise, noise_factor
 from cacc_platoon.figures.style import BLUE, GREY, ORANGE, RED, Axes, reduce
 from cacc_platoon.simulation import Trajectory
@@ -36,6 +37,16 @@ def plot_noise(noise: Axes, signal: Axes, run: Trajectory, follower: int) -> Non
     signal.set_xlabel("time [s]")
     signal.set_ylabel("acceleration [m/s$^2$]")
     signal.legend()
+
+
+def plot_age(axes: Axes, run: Trajectory, follower: int) -> None:
+    """Draw the age of information of one link over time [s]; `run` has arrivals."""
+    assert run.arrivals is not None
+    column, step = run.scenario.indices.index(follower), run.scenario.run.step
+    age = information_age(run.arrivals[column], len(run.time)) * step
+    axes.plot(*reduce(run.time, age), color=BLUE, linewidth=0.6)
+    axes.set_xlabel("time [s]")
+    axes.set_ylabel("age of information [s]")
 
 
 def plot_link_noise(axes: Axes, links: list[LinkNoise]) -> None:

@@ -112,6 +112,13 @@ def _channel_pictures(report: Report) -> Iterator[Picture]:
         "Range and mean of w that this run had.",
         lambda axes: channel.plot_link_noise(axes, report.measured.noise),
     )
+    if run.arrivals is not None:
+        yield Picture(
+            "age",
+            f"Age of information, vehicle {follower - 1} to {follower}",
+            "How long ago the newest packet that had arrived was sent.",
+            lambda axes: channel.plot_age(axes, run, follower),
+        )
 
 
 def _design_pictures(report: Report) -> Iterator[Picture]:

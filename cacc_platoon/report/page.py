@@ -14,6 +14,7 @@ from cacc_platoon.report.tables import (
     fact_table,
     follower_table,
     noise_table,
+    reception_table,
     scenario_table,
 )
 from cacc_platoon.report.verdict_section import findings_section, verdict_section
@@ -58,6 +59,8 @@ def _numbers(report: Report, metrics: dict[str, Any]) -> Iterator[str]:
     recorded = facts["recorded_with"] or {}
     yield f"<h2>Numbers per follower</h2>{follower_table(metrics)}"
     yield f"<h2>Noise per link</h2>{noise_table(metrics)}"
+    if any(follower.counted for follower in report.run.trajectory.scenario.followers):
+        yield f"<h2>Packets per link</h2>{reception_table(metrics)}"
     yield f"<h2>Scenario</h2>{scenario_table(report.run.trajectory.scenario)}"
     yield "<h2>Provenance</h2>"
     yield fact_table(

@@ -54,6 +54,15 @@ NOISE_COLUMNS = (
     Column("SNR", "dB", "snr_db", ".3f"),
     Column("breaches", "-", "breaches", "d"),
 )
+RECEPTION_COLUMNS = (
+    Column("sent", "-", "sent", "d"),
+    Column("arrived", "-", "arrived", "d"),
+    Column("lost", "-", "loss", ".4f"),
+    Column("probability of loss", "-", "loss_probability", ".4f"),
+    Column("age, median", "s", "age.median", ".4f"),
+    Column("99 %", "s", "age.p99", ".4f"),
+    Column("at most", "s", "age.max", ".4f"),
+)
 
 
 def look_up(document: Any, key: str) -> Any:
@@ -89,12 +98,21 @@ def follower_table(document: dict[str, Any]) -> str:
 
 def noise_table(document: dict[str, Any]) -> str:
     """Return the realised noise, one row per link."""
+    return _link_table(document, "noise.links", NOISE_COLUMNS)
+
+
+def reception_table(document: dict[str, Any]) -> str:
+    """Return packet loss and age of information, one row per link."""
+    return _link_table(document, "reception", RECEPTION_COLUMNS)
+
+
+def _link_table(document: dict[str, Any], links: str, columns: Sequence[Column]) -> str:
     rows = []
-    for number, link in enumerate(document["noise"]["links"]):
+    for number, link in enumerate(look_up(document, links)):
         cells = [f"<td>{link['follower'] - 1} to {link['follower']}</td>"]
-        cells += [cell(document, f"noise.links.{number}.{c.key}", c.form) for c in NOISE_COLUMNS]
+        cells += [cell(document, f"{links}.{number}.{c.key}", c.form) for c in columns]
         rows.append("".join(cells))
-    return _table([_heading("link"), *(_heading(c.heading, c.unit) for c in NOISE_COLUMNS)], rows)
+    return _table([_heading("link"), *(_heading(c.heading, c.unit) for c in columns)], rows)
 
 
 def scenario_table(scenario: Scenario) -> str:

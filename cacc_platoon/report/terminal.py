@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cacc_platoon.analysis.metrics import describe_growth
+from cacc_platoon.analysis.verdict import loss_bases
 from cacc_platoon.theory.noise_interval import effective_interval
 
 if TYPE_CHECKING:
@@ -37,7 +38,11 @@ def _verdict_lines(report: Report) -> list[str]:
     verdict, scenario = report.verdict, report.run.trajectory.scenario
     weakest = verdict.weakest
     own = scenario.follower(weakest.follower)
-    low, high = effective_interval(own.gains.k_a, own.v2v.rho)
+    certificate = weakest.certificate
+    interval = (
+        certificate.interval if certificate else effective_interval(own.gains.k_a, own.v2v.rho)
+    )
+    low, high = interval
     failed = "undecided" if verdict.undecided else "failed"
     passed = "passed" if verdict.string_stable else f"{failed}: {weakest.reason}"
     which = "" if verdict.equal_links else f" (vehicle {weakest.follower} is the weakest)"
@@ -48,6 +53,7 @@ def _verdict_lines(report: Report) -> list[str]:
         f"{verdict.linf_gain:.6g}",
         "  paper's Theorem 2 (sufficient): " + ("passed" if verdict.in_paper_region else "failed"),
     ]
+    lines += [f"  packet loss: {basis}" for basis in loss_bases(scenario)]
     lines += [f"  VOID for this run: {reason}" for reason in verdict.void]
     return lines
 
@@ -94,7 +100,20 @@ def _fact_lines(report: Report, facts: dict[str, Any]) -> list[str]:
         f"smallest gap {gap}, {safety}",
         f"  noise w: mean {_number(noise['mean_w'])}, from {_number(noise['min_w'])} to "
         f"{_number(noise['max_w'])}, SNR {_number(noise['snr_db'], 'dB')}",
+        *_packet_lines(report, facts),
         f"  digest {report.run.digest}",
+    ]
+
+
+def _packet_lines(report: Report, facts: dict[str, Any]) -> list[str]:
+    """Say what was lost and how old the newest packet was, where links may lose packets."""
+    if not any(follower.counted for follower in report.run.trajectory.scenario.followers):
+        return []
+    age = facts["age"]
+    return [
+        f"  packets: {100 * facts['loss']:.3g} % lost; age of information on the worst link: "
+        f"median {_number(age['median'], 's')}, 99 % {_number(age['p99'], 's')}, at most "
+        f"{_number(age['max'], 's')}"
     ]
 
 

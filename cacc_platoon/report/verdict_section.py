@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from cacc_platoon.analysis.metrics import describe_growth
-from cacc_platoon.analysis.verdict import EXACT_TEST, LINF_NAME, PAPER_TEST
+from cacc_platoon.analysis.verdict import EXACT_TEST, LINF_NAME, PAPER_TEST, loss_bases
 from cacc_platoon.report.tables import cell, text_table
 
 if TYPE_CHECKING:
@@ -89,6 +89,8 @@ def _certificate_rows(report: Report) -> Iterator[tuple[str, str, str]]:
         _answer(all(one.sampled for one in verdict.followers), unknown),
         f"exact test (L2) of the loop under zero-order hold at {report.run.grid.step / 1e9:g} s",
     )
+    for basis in loss_bases(report.run.trajectory.scenario):
+        yield "With packet loss, in the mean", _answer(verdict.string_stable, unknown), basis
     yield "Ratio of peaks per hop, at most", _g(verdict.linf_gain), LINF_NAME
     if not verdict.equal_links:
         yield (
