@@ -153,3 +153,40 @@ def test_what_is_allowed_passes():
     )
     source = "if TYPE_CHECKING:\n    import matplotlib\nimport numpy as np\nimport math"
     assert breaches("report", source) == []
+
+
+def module_of(path: Path) -> str:
+    return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+
+
+def file_graph(texts: dict[str, str]) -> dict[str, set[str]]:
+    """Return which of these modules each one imports, wherever in its file."""
+    graph: dict[str, set[str]] = {}
+    for module, text in texts.items():
+        graph[module] = set()
+        for node in ast.walk(ast.parse(text)):
+            if isinstance(node, ast.ImportFrom) and node.module:
+                inner = {f"{node.module}.{name.name}" for name in node.names}
+                graph[module] |= (inner & texts.keys()) or ({node.module} & texts.keys())
+    return graph
+
+
+def circles(graph: dict[str, set[str]]) -> list[str]:
+    """Return the modules that are in a circle or lead into one, none when there is no circle."""
+    left = dict(graph)
+    while done := [name for name, targets in left.items() if not targets & left.keys()]:
+        for name in done:
+            del left[name]
+    return sorted(left)
+
+
+def test_no_file_imports_itself_in_a_circle():
+    paths = [*sources(), ROOT / "cacc_platoon" / "__init__.py"]
+    assert circles(file_graph({module_of(path): path.read_text() for path in paths})) == []
+
+
+def test_a_circle_is_seen():
+    inside = "if TYPE_CHECKING:\n    from a.c import C"
+    texts = {"a.b": inside, "a.c": "def f():\n    from a import d", "a.d": "from a.b import B"}
+    assert circles(file_graph(texts)) == ["a.b", "a.c", "a.d"]
+    assert circles(file_graph({**texts, "a.d": "import math"})) == []

@@ -38,11 +38,9 @@ def _verdict_lines(report: Report) -> list[str]:
     verdict, scenario = report.verdict, report.run.trajectory.scenario
     weakest = verdict.weakest
     own = scenario.follower(weakest.follower)
-    certificate = weakest.certificate
-    interval = (
-        certificate.interval if certificate else effective_interval(own.gains.k_a, own.v2v.rho)
-    )
-    low, high = interval
+    low, high = effective_interval(own.gains.k_a, own.v2v.rho)
+    if weakest.certificate:
+        low, high = weakest.certificate.interval
     failed = "undecided" if verdict.undecided else "failed"
     passed = "passed" if verdict.string_stable else f"{failed}: {weakest.reason}"
     which = "" if verdict.equal_links else f" (vehicle {weakest.follower} is the weakest)"

@@ -168,12 +168,24 @@ def test_a_gap_in_what_the_vehicle_said_is_a_difference(tmp_path):
 
 
 def test_what_the_channel_lost_is_fed_as_lost(tmp_path):
-    lost = [3, 50, 51, 180]
-    bag = make_bag(tmp_path / "bag", v2_v2v__accel=lambda rows: np.delete(rows, lost, axis=0))
-    record = read_node(bag, 2)
-    feed = {topic.name: rows for topic, rows in record.feed()}
-    assert [k for k, row in enumerate(feed[OWN.received.name]) if row is None] == lost
+    lossy = Scenario.from_values(VALUES | {"v2v.loss": 0.3})
+    run = simulate(lossy)
+    assert run.arrivals is not None
+    record = read_node(make_bag(tmp_path / "bag", lossy), 2)
+    feed = {topic.name: samples for topic, samples in record.feed()}
+    delivered = [k for k, messages in enumerate(feed[OWN.received.name]) if messages]
+    assert delivered == run.arrivals[1].sample.tolist()
+    assert all(len(messages) == 1 for messages in feed[OWN.complete.name])
     assert record.samples == 201
+    relay = read_node(tmp_path / "bag", 2, "noise_relay")
+    assert [stream.count(201) for stream in relay.outputs] == [len(delivered), 201]
+
+
+def test_a_gap_in_what_no_channel_loses_ends_the_replay(tmp_path):
+    bag = make_bag(tmp_path / "bag", v2_v2v__accel=lambda rows: np.delete(rows, 50, axis=0))
+    record = read_node(bag, 2)
+    assert record.samples == 51
+    assert record.notes == ("/platoon/vehicle_2/v2v/accel lacks sample 50",)
 
 
 @pytest.mark.parametrize("topic", ["v1_pose", "v1_twist", "v2_v2v__accel", "v2_accel"])
