@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from geometry_msgs.msg import Vector3Stamped
 from rosbags.rosbag2 import Reader
 from std_msgs.msg import Int64, String
 
@@ -166,7 +167,6 @@ def test_a_foreign_publisher_is_named(platoon: Start) -> None:
         (String(data="{}"), "/platoon/host_state"),
         (String(data="nonsense"), "/platoon/status"),
         (Int64(data=10**9), "/platoon/host_0/recorded"),
-        (Int64(data=0), "/platoon/vehicle_2/v2v/complete"),
     ],
 )
 def test_a_strange_message_ends_the_run_by_name(
@@ -178,10 +178,21 @@ def test_a_strange_message_ends_the_run_by_name(
     result = run.result(timeout=20)
     assert result.exit_code == 1
     assert "Traceback" not in result.errors
-    named = topic.removeprefix("/platoon/").replace("/recorded", "").replace("/v2v/complete", "")
+    named = topic.removeprefix("/platoon/").replace("/recorded", "")
     assert named.replace("host_0", "host 0") in result.message or topic in result.message
     assert "publisher" in result.message
     assert_bag_is_readable(run, at_least=100)
+
+
+def test_a_count_of_another_publisher_ends_the_run_by_name(platoon: Start) -> None:
+    run = platoon(*SMALL, "v2v.loss=0.1", hosts=2)
+    run.wait_sample(100)
+    run.send(Vector3Stamped(), "/platoon/vehicle_2/v2v/complete")
+    result = run.result(timeout=20)
+    assert result.exit_code == 1
+    assert "Traceback" not in result.errors
+    assert "/platoon/vehicle_2/v2v/complete" in result.message
+    assert "publisher" in result.message
 
 
 @pytest.mark.parametrize(
