@@ -40,7 +40,7 @@ os.environ["MPLCONFIGDIR"] = _home
 os.environ["MPLBACKEND"] = "agg"
 os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
 
-WHOLE = tuple(f"cacc_platoon.{room}" for room in ("cli", "figures", "replay", "report"))
+WHOLE = tuple(f"cacc_platoon.{room}" for room in ("cli", "design", "figures", "replay", "report"))
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
