@@ -1,39 +1,76 @@
 """How fast the paper's platoon runs on real nodes on this machine, everything recorded.
 
-    python test/benchmark/bench_run.py [--runs 3] [--hosts 1 2] [--followers 12 50]
+    python test/benchmark/bench_run.py [--runs 3] [--hosts 1 2] [--followers 12 50] [--set KEY=VALUE]
+    python test/benchmark/bench_run.py --against ../checkout_of_before --runs 5
 
 Prints the median, smallest and largest of several runs: real-time factor from the first to the
-last sample, time from the command to the first sample, and vehicle-samples per second.
+last sample, time from the command to the first sample, vehicle-samples per second and the CPU time
+of the whole command. With --against both checkouts run in turn, and the ratio of each pair follows.
 """
 
 import argparse
 import json
+import os
+import resource
 import statistics
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 from cacc_platoon.dds.domain import own_domain
 
-PAPER_A = Path(__file__).parents[2] / "config" / "paper_a.yaml"
+HERE = Path(__file__).resolve().parents[2]
 
 
-def run_once(hosts: str, followers: int, duration: float) -> dict[str, float]:
-    """Run the command once and return what run.json says of its speed."""
+def run_once(checkout: Path, settings: Sequence[str], followers: int) -> dict[str, float]:
+    """Run the command of a checkout once and return how fast it was."""
     with tempfile.TemporaryDirectory() as folder, own_domain() as domain:
-        command = [sys.executable, "-m", "cacc_platoon", "run", str(PAPER_A), "--no-report"]
-        command += ["-o", f"{folder}/run", "--set", f"run.hosts={hosts}"]
-        command += ["--set", f"platoon.followers={followers}", "--set", f"run.duration={duration}"]
-        environment = {"ROS_DOMAIN_ID": str(domain)}
-        subprocess.run(["env", *(f"{k}={v}" for k, v in environment.items()), *command], check=True)
+        command = [sys.executable, "-m", "cacc_platoon", "run", "config/paper_a.yaml"]
+        command += ["--no-report", "-o", f"{folder}/run"]
+        for setting in settings:
+            command += ["--set", setting]
+        environment = {"PYTHONPATH": str(checkout), "ROS_DOMAIN_ID": str(domain)}
+        before = cpu_time()
+        subprocess.run(command, check=True, cwd=checkout, env=os.environ | environment)
+        cpu = cpu_time() - before
         info = json.loads(Path(folder, "run", "run.json").read_text())
     rate = (followers + 1) * info["samples"] / info["wall_time"]
     return {
         "real-time factor": info["real_time_factor"],
         "command to first sample [s]": info["start_time"],
         "vehicle-samples/s": rate,
+        "CPU time [s]": cpu,
     }
+
+
+def cpu_time() -> float:
+    """Return the CPU time of all processes that have ended and were waited for [s]."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def show(name: str, values: Sequence[float]) -> None:
+    middle = statistics.median(values)
+    print(f"  {name:30} {middle:10.4g}   ({min(values):.4g} to {max(values):.4g})")
+
+
+def measure(options: argparse.Namespace, followers: int, hosts: str) -> None:
+    settings = [f"run.hosts={hosts}", f"platoon.followers={followers}", *options.set]
+    settings.append(f"run.duration={options.duration}")
+    checkouts = [HERE, *([options.against] if options.against else [])]
+    results: list[list[dict[str, float]]] = [[] for _ in checkouts]
+    for _ in range(options.runs):
+        for found, checkout in zip(results, checkouts, strict=True):
+            found.append(run_once(checkout, settings, followers))
+    print(f"N = {followers}, {hosts} hosts, {options.duration:g} s, {options.runs} runs")
+    for name in results[0][0]:
+        show(name, [result[name] for result in results[0]])
+        if options.against:
+            show("  before", [result[name] for result in results[1]])
+            pairs = zip(*results, strict=True)
+            show("  ratio, this over before", [now[name] / then[name] for now, then in pairs])
 
 
 def main() -> None:
@@ -42,15 +79,12 @@ def main() -> None:
     parser.add_argument("--hosts", nargs="+", default=["1", "2"])
     parser.add_argument("--followers", type=int, nargs="+", default=[12])
     parser.add_argument("--duration", type=float, default=100.0, help="simulated time [s]")
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
+    parser.add_argument("--against", type=Path, help="another checkout, run in turn with this one")
     options = parser.parse_args()
     for followers in options.followers:
         for hosts in options.hosts:
-            results = [run_once(hosts, followers, options.duration) for _ in range(options.runs)]
-            print(f"N = {followers}, {hosts} hosts, {options.duration:g} s, {options.runs} runs")
-            for name in results[0]:
-                values = sorted(result[name] for result in results)
-                low, middle, high = values[0], statistics.median(values), values[-1]
-                print(f"  {name:30} {middle:10.4g}   ({low:.4g} to {high:.4g})")
+            measure(options, followers, hosts)
 
 
 if __name__ == "__main__":
