@@ -194,19 +194,19 @@ class DeliveryStream:
 
     def __init__(self, channel: Channel) -> None:
         self._channel = channel
-        self._start, self._packets = 0, list[list[tuple[int, float]]]()
+        self._start, self._packets = 0, list[tuple[int, float]]()
+        self._ends = list[int]()
 
     def at(self, sample: int) -> list[tuple[int, float]]:
         """Return source sample and factor of each packet delivered at a sample."""
         offset = sample - self._start
-        if not 0 <= offset < len(self._packets):
-            self._start = sample - sample % BLOCK
-            self._fetch()
+        if not 0 <= offset < len(self._ends) - 1:
+            self._fetch(sample - sample % BLOCK)
             offset = sample - self._start
-        return self._packets[offset]
+        return self._packets[self._ends[offset] : self._ends[offset + 1]]
 
-    def _fetch(self) -> None:
-        delivery = self._channel.delivery(self._start, self._start + BLOCK)
-        self._packets = [[] for _ in range(BLOCK)]
-        for source, sample, factor in zip(*(part.tolist() for part in delivery), strict=True):
-            self._packets[sample - self._start].append((source, factor))
+    def _fetch(self, start: int) -> None:
+        source, sample, factor = self._channel.delivery(start, start + BLOCK)
+        self._start = start
+        self._packets = list(zip(source.tolist(), factor.tolist(), strict=True))
+        self._ends = np.searchsorted(sample, np.arange(start, start + BLOCK + 1)).tolist()

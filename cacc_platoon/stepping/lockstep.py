@@ -232,10 +232,14 @@ class LockstepRelay:
         sample, sent = self._sample, self._sent
         self._sample = sample + 1
         sent.append(acceleration)
-        for source, factor in self._deliveries.at(sample):
-            self._publish(source * self._step_ns, factor * sent[source - sample - 1])
-            self._count += 1
+        packets = self._deliveries.at(sample)
+        for source, factor in packets:
+            if source == sample:
+                self._publish(stamp, factor * acceleration)
+            else:
+                self._publish(source * self._step_ns, factor * sent[source - sample - 1])
         if self._publish_count:
+            self._count += len(packets)
             self._publish_count(stamp, self._count)
 
 

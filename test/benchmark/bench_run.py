@@ -4,8 +4,9 @@
     python test/benchmark/bench_run.py --against ../checkout_of_before --runs 5
 
 Prints the median, smallest and largest of several runs: real-time factor from the first to the
-last sample, time from the command to the first sample, vehicle-samples per second and the CPU time
-of the command with its hosts, which a busy machine changes least. With --against both checkouts run in turn, and the ratio of each pair follows.
+last sample, time from the command to the first sample, vehicle-samples per second, and the CPU
+time of the command with its hosts, which a busy machine changes least. With --against both
+checkouts run in turn, and the ratio of each pair follows.
 """
 
 import argparse
