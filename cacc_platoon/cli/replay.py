@@ -80,6 +80,8 @@ def run(options: argparse.Namespace) -> int:
             namespace=options.namespace,
             progress=progress,
         )
+    if given is None:
+        _refuse_own_code(record)
     scenario = changed_scenario(record, options.set) if options.set else record.scenario
     require_ros("replay", "platoon simulate runs a scenario")
     if options.verbose:
@@ -97,6 +99,18 @@ def run(options: argparse.Namespace) -> int:
     else:
         print("\n".join(lines))
     return code
+
+
+def _refuse_own_code(record: NodeRecord) -> None:
+    """Refuse to run code that only a recording names."""
+    scenario = record.scenario
+    follows = record.index in scenario.indices
+    named = scenario.follower(record.index).own_code if follows else {}
+    for name, text in named.items():
+        raise UserError(
+            f"{record.run.bag}: names {name} = {text}, code that the replay would run. If you "
+            "trust it, give the parameters with --scenario FILE."
+        )
 
 
 class _FailedError(Exception):

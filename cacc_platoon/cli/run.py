@@ -66,6 +66,7 @@ def run_and_judge(scenario: Scenario, output: Path | None, options: argparse.Nam
         When ROS is not there or the run cannot start.
     """
     scenario = with_recorded_leader(scenario)
+    scenario.check_own_code()
     given = output or (Path(scenario.record.directory) if scenario.record.directory else None)
     folder = given or default_run_folder(scenario)
     require_ros("run", "platoon simulate runs the same scenario")

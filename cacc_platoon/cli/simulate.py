@@ -45,6 +45,7 @@ def run(options: argparse.Namespace) -> int:
             "Leave it out for the run of the scenario's seed alone."
         )
     scenario = with_recorded_leader(load_scenario(options.scenario, options.set))
+    scenario.check_own_code()
     directory = scenario.record.directory
     given = options.output or (Path(directory) if directory else None)
     warn_before(scenario)

@@ -12,6 +12,7 @@ from typing import NamedTuple, Protocol, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from cacc_platoon.errors import UserError
 from cacc_platoon.model.keyed_random import BLOCK, LOSS, keyed_uniform
 from cacc_platoon.model.noise import Noise
 
@@ -95,6 +96,43 @@ class Channel(Protocol):
     def delivery(self, start: int, stop: int) -> Delivery:
         """Return the packets delivered at the receiver's samples start..stop-1."""
         ...
+
+
+class ChannelError(UserError):
+    """A channel that does not keep what it says of itself."""
+
+
+def checked_delivery(channel: Channel, start: int, stop: int) -> Delivery:
+    """Return the packets delivered at the samples start..stop-1 of a channel that may be anybody's.
+
+    Raises
+    ------
+    ChannelError
+        When a packet is delivered outside of them, before it was sent, later than
+        `longest_delay` or out of order, or when a prompt channel loses one.
+    """
+    given = channel.delivery(start, stop)
+    source, sample = (np.asarray(part, np.int64) for part in given[:2])
+    factor: Floats = np.asarray(given[2], np.float64)
+    if not len(source) == len(sample) == len(factor):
+        raise ChannelError("source, sample and factor of its delivery differ in length")
+    late = sample - source
+    wrong = (sample < start) | (sample >= stop) | (source < 0)
+    wrong |= (late < 0) | (late > channel.longest_delay)
+    if wrong.any():
+        row = int(np.flatnonzero(wrong)[0])
+        raise ChannelError(
+            f"it delivers the packet of sample {source[row]} at sample {sample[row]} where samples "
+            f"{start} to {stop - 1} were asked for and longest_delay is {channel.longest_delay}"
+        )
+    if (np.diff(sample) < 0).any():
+        raise ChannelError(f"its deliveries of samples {start} to {stop - 1} are out of order")
+    if channel.prompt and not np.array_equal(source, np.arange(start, stop)):
+        raise ChannelError(
+            f"it says that it is prompt and delivers {len(source)} packets at samples {start} to "
+            f"{stop - 1}"
+        )
+    return Delivery(source, sample, factor)
 
 
 class ContentNoise:
@@ -206,7 +244,7 @@ class DeliveryStream:
         return self._packets[self._ends[offset] : self._ends[offset + 1]]
 
     def _fetch(self, start: int) -> None:
-        source, sample, factor = self._channel.delivery(start, start + BLOCK)
+        source, sample, factor = checked_delivery(self._channel, start, start + BLOCK)
         self._start = start
         self._packets = list(zip(source.tolist(), factor.tolist(), strict=True))
         self._ends = np.searchsorted(sample, np.arange(start, start + BLOCK + 1)).tolist()

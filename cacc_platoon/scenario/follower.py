@@ -22,7 +22,7 @@ from cacc_platoon.model import (
     ZeroReception,
     expected_factor,
 )
-from cacc_platoon.scenario.plugin import load_plugin
+from cacc_platoon.scenario.plugin import make_plugin
 from cacc_platoon.scenario.table import TABLE, V2V
 
 
@@ -51,7 +51,7 @@ class Follower:
     def law(self) -> ControlLaw:
         """Return the vehicle's control law; controller.law may name another one."""
         if self.law_name:
-            made: ControlLaw = load_plugin(self.law_name, "controller.law")(self)
+            made: ControlLaw = make_plugin(self.law_name, "controller.law", self, ("command",))
             return made
         return self.spacing_policy()
 
@@ -79,12 +79,19 @@ class Follower:
     def channel(self, noise: str | None = None) -> Channel:
         """Return the channel of the link from the predecessor; v2v.channel may name another one."""
         if self.v2v.channel:
-            made: Channel = load_plugin(self.v2v.channel, "v2v.channel")(self)
+            members = ("prompt", "longest_delay", "delivery")
+            made: Channel = make_plugin(self.v2v.channel, "v2v.channel", self, members)
             return made
         impairments: list[Impairment] = [ContentNoise(self.noise(noise))]
         if self.v2v.loss:
             impairments.append(IndependentLoss(self.v2v.loss, self.seed, self.index))
         return ComposedChannel(impairments)
+
+    @property
+    def own_code(self) -> dict[str, str]:
+        """What v2v.channel and controller.law name, as far as they name anything."""
+        named = {"v2v.channel": self.v2v.channel, "controller.law": self.law_name}
+        return {name: text for name, text in named.items() if text}
 
     @property
     def counted(self) -> bool:

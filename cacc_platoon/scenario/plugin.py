@@ -5,10 +5,11 @@ from __future__ import annotations
 import importlib
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from cacc_platoon.errors import UserError
 from cacc_platoon.scenario.parameter import Parameter, ScenarioError
 
 _PATTERN = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
@@ -20,34 +21,71 @@ def check_plugin(text: str, row: Parameter, source: str) -> None:
         raise row.refusal(text, source, "must be module:Class, such as my_channels:Burst")
 
 
-def load_plugin(text: str, name: str) -> Callable[..., Any]:
-    """Import what a parameter names; modules are also looked for in the working folder.
+def make_plugin(text: str, name: str, argument: object, members: Sequence[str]) -> Any:
+    """Make what a parameter names; modules are also looked for in the working folder.
 
     This runs code of the user's: nothing that only reads a recorded scenario may call it.
+
+    Parameters
+    ----------
+    text : str
+        `module:Class`.
+    name : str
+        The parameter.
+    argument : object
+        What the class or function is called with.
+    members : sequence of str
+        What the object must have.
 
     Raises
     ------
     ScenarioError
-        When there is no such module, or it has no such attribute.
+        When there is no such module or class, or it makes no such object.
     """
+    factory = _load(text, name)
+    try:
+        made = factory(argument)
+    except UserError:
+        raise
+    except Exception as error:
+        raise ScenarioError(
+            f"{name} = {text}: raised {_one_line(error)} when it was made for vehicle "
+            f"{getattr(argument, 'index', '')}; the run would lack it. Correct its code."
+        ) from error
+    missing = [member for member in members if not hasattr(made, member)]
+    if missing:
+        raise ScenarioError(
+            f"{name} = {text}: makes a {type(made).__name__} without {', '.join(missing)}, which "
+            "no node can use. Give it these members, see CONTRIBUTING.md."
+        )
+    return made
+
+
+def _load(text: str, name: str) -> Callable[..., Any]:
     module_name, _, attribute = text.partition(":")
     here = str(Path.cwd())
     if here not in sys.path:
         sys.path.append(here)
     try:
-        factory = getattr(importlib.import_module(module_name), attribute)
+        module = importlib.import_module(module_name)
     except ModuleNotFoundError as error:
         raise ScenarioError(
             f"{name} = {text}: {error}; the run would lack it. Put the module into the working "
             "folder or on PYTHONPATH."
         ) from error
-    except AttributeError as error:
+    except Exception as error:
         raise ScenarioError(
-            f"{name} = {text}: module {module_name} has no {attribute}. Correct the name."
+            f"{name} = {text}: raised {_one_line(error)} when it was imported; the run would lack "
+            "it. Correct its code."
         ) from error
+    factory = getattr(module, attribute, None)
     if not callable(factory):
         raise ScenarioError(
-            f"{name} = {text}: is no class or function, so nothing can be made of it. Name one "
-            "that takes a Follower."
+            f"{name} = {text}: module {module_name} has no class or function {attribute}, so "
+            "nothing can be made of it. Name one that takes a Follower."
         )
     return factory  # type: ignore[no-any-return]
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(f"{type(error).__name__}: {error}".split())

@@ -202,6 +202,18 @@ class Scenario:
         """All followers, from front to rear."""
         return [self.follower(index) for index in self.indices]
 
+    def check_own_code(self) -> None:
+        """Make every channel and law of the user's own once, before anything starts.
+
+        Raises
+        ------
+        ScenarioError
+            As from `make_plugin`.
+        """
+        for follower in self.followers:
+            follower.law()
+            follower.channel()
+
     @property
     def topology(self) -> Topology:
         """Who hears whom."""

@@ -8,7 +8,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from cacc_platoon.model import Channel, Delivery
-from cacc_platoon.model.impairment import Integers
+from cacc_platoon.model.impairment import ChannelError, Integers, checked_delivery
 from cacc_platoon.model.reception import picked
 from cacc_platoon.scenario import Follower, Scenario
 from cacc_platoon.simulation.trajectory import Array, Arrivals
@@ -132,7 +132,12 @@ class LinkPlan(NamedTuple):
 
 def plan_link(follower: Follower, samples: int, channel: Channel) -> LinkPlan:
     """Return what the link to a follower does from sample 0 on."""
-    delivery = channel.delivery(0, samples)
+    try:
+        delivery = checked_delivery(channel, 0, samples)
+    except ChannelError as error:
+        raise ChannelError(
+            f"the channel of vehicle {follower.index}: {error}. Correct it."
+        ) from error
     if channel.prompt:
         return LinkPlan(True, delivery, np.arange(samples))
     return LinkPlan(False, delivery, follower.reception().chosen(delivery, samples))

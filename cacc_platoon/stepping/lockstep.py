@@ -19,8 +19,9 @@ from cacc_platoon.model import (
     State,
     ThirdOrderPlant,
 )
+from cacc_platoon.model.impairment import ChannelError
 from cacc_platoon.scenario import Follower, Scenario, ScenarioError
-from cacc_platoon.scenario.names import vehicle_name
+from cacc_platoon.scenario.names import NodeKind, NodeName, vehicle_name
 from cacc_platoon.stepping.deliveries import CountedInbox, Inbox, PromptInbox
 
 
@@ -162,9 +163,15 @@ class LockstepFollower:
         state = self._state
         assert state is not None
         self._stamp = stamp + self._step_ns
-        command = self._law.command(
-            state.position, state.velocity, position, velocity, acceleration
-        )
+        try:
+            command = self._law.command(
+                state.position, state.velocity, position, velocity, acceleration
+            )
+        except Exception as error:  # a law of the user's own may fail in any way
+            raise LockstepError(
+                f"{self._name}: its control law raised {type(error).__name__} at "
+                f"{_seconds(stamp)}: {error}"
+            ) from error
         if not math.isfinite(command):
             raise LockstepError(
                 f"{self._name}: command at {_seconds(stamp)} is {command}: own state {(*state,)}, "
@@ -210,7 +217,7 @@ class LockstepRelay:
         publish_count: PublishCount | None = None,
         channel: Channel | None = None,
     ) -> None:
-        name = vehicle_name(follower.index)
+        name = self._name = str(NodeName(NodeKind.NOISE_RELAY, follower.index))
         channel = channel or follower.channel()
         if not (channel.prompt or follower.counted):
             raise ScenarioError(
@@ -219,7 +226,8 @@ class LockstepRelay:
             )
         self._step_ns = scenario.step_ns
         self._sequence = Sequence(
-            f"{name}: accel of {vehicle_name(follower.index - 1)}", scenario.step_ns
+            f"{vehicle_name(follower.index)}: accel of {vehicle_name(follower.index - 1)}",
+            scenario.step_ns,
         )
         self._deliveries = DeliveryStream(channel)
         self._sent: deque[float] = deque(maxlen=channel.longest_delay + 1)
@@ -232,7 +240,10 @@ class LockstepRelay:
         sample, sent = self._sample, self._sent
         self._sample = sample + 1
         sent.append(acceleration)
-        packets = self._deliveries.at(sample)
+        try:
+            packets = self._deliveries.at(sample)
+        except ChannelError as error:
+            raise LockstepError(f"{self._name}: its channel: {error}") from error
         for source, factor in packets:
             if source == sample:
                 self._publish(stamp, factor * acceleration)

@@ -290,14 +290,14 @@ class Platoon:
         self.kill(node, signal.SIGCONT)
 
     def publisher(self, topic: Topic) -> Callable[[int, float], None]:
-        """Return a function that publishes (stamp [ns], x) on a topic as a stranger would."""
+        """Return a function that publishes (stamp [ns], x) on a topic, as a foreign publisher."""
         message_type = MESSAGE_TYPES[topic.kind.type_name]
         publisher = self._node.create_publisher(message_type, topic.name, qos.stream(self.scenario))
         self._wait_matched(publisher)
         return lambda stamp, x: publisher.publish(topic.codec.encode(stamp, x))
 
     def _wait_matched(self, publisher: Publisher) -> None:
-        """Wait for a subscriber, or for the end: a stranger may be noticed before it has spoken."""
+        """Wait for a subscriber, or for the end: a foreign publisher may be noticed at once."""
         self.wait(
             lambda: publisher.get_subscription_count() > 0 or self._ended,
             PATIENCE,
@@ -305,7 +305,7 @@ class Platoon:
         )
 
     def send(self, message: Any, topic: str) -> None:
-        """Publish one message on any topic, as a stranger would."""
+        """Publish one message on any topic, as a foreign publisher would."""
         publisher = self._node.create_publisher(type(message), topic, qos.latched())
         self._wait_matched(publisher)
         publisher.publish(message)

@@ -116,7 +116,7 @@ def test_a_choice_without_its_branch_is_refused():
         simulate(lossy(), "bitz")
 
 
-def test_constant_noise_and_loss_by_hand():
+def test_constant_noise_and_loss_worked_out():
     p, w = 0.6, 1.25
     channel = ComposedChannel([ContentNoise(ConstantNoise(w)), IndependentLoss(1 - p, 1, 1)])
     run = simulate(lossy("zero"), channel=lambda _: channel)

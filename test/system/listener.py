@@ -1,4 +1,4 @@
-"""A stranger's process: subscribes to a platoon's topics by itself and writes down their digest.
+"""A process of its own: subscribes to a platoon's topics by itself and writes down their digest.
 
 Uses nothing of the package: names, order and hash are written down here a second time.
 """

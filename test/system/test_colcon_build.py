@@ -111,7 +111,7 @@ HAND_SCENARIO = """
 """
 
 
-def test_a_platoon_started_by_hand_from_the_installed_executables(workspace):
+def test_a_platoon_started_manually_from_the_installed_executables(workspace):
     """Also: a speed table is found beside the file, and a vehicle's own parameters count."""
     nodes = workspace / "install" / "cacc_platoon" / "lib" / "cacc_platoon"
     scenario = workspace / "scenarios" / "hand.yaml"

@@ -44,7 +44,7 @@ def test_a_killed_node_ends_the_run(platoon: Start, node: str) -> None:
     assert_bag_is_readable(run, at_least=100)
 
 
-def test_a_killed_node_that_was_started_by_hand_ends_the_run(platoon: Start) -> None:
+def test_a_killed_node_that_was_started_manually_ends_the_run(platoon: Start) -> None:
     settings = (*SMALL, "run.stall_timeout=2", "run.manual_nodes=[vehicle_2/vehicle]")
     run = platoon(*settings)
     run.start("vehicle_2/vehicle")

@@ -130,7 +130,7 @@ def test_nodes_started_manually_in_any_order(platoon: Start) -> None:
     assert result.digest == simulated_digest(load_scenario(PAPER_A, settings))
 
 
-def test_nodes_by_hand_may_record_themselves(platoon: Start, tmp_path: Path) -> None:
+def test_manual_nodes_may_record_themselves(platoon: Start, tmp_path: Path) -> None:
     settings = ("run.duration=5", "platoon.followers=2")
     run = platoon(*settings, "run.spawn=false")
     for node in run.scenario.node_names:
@@ -143,7 +143,7 @@ def test_nodes_by_hand_may_record_themselves(platoon: Start, tmp_path: Path) -> 
     }
 
 
-def test_what_is_asked_for_is_recorded_of_nodes_by_hand_too(platoon: Start) -> None:
+def test_what_is_asked_for_is_recorded_of_manual_nodes_too(platoon: Start) -> None:
     settings = ("run.duration=3", "platoon.followers=2", "record.command=true")
     run = platoon(*settings, "run.manual_nodes=[vehicle_2/vehicle]")
     run.start("vehicle_2/vehicle")

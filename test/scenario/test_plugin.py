@@ -1,0 +1,99 @@
+"""Channels and laws by name: what cannot be used is refused in one line, before anything starts."""
+
+import sys
+
+import pytest
+
+from cacc_platoon.cli import main
+from cacc_platoon.scenario import Scenario, ScenarioError
+
+CODE = """
+from cacc_platoon.model import ComposedChannel
+
+def raising(follower):
+    raise RuntimeError("not today\\nnor tomorrow")
+
+def nothing(follower):
+    return object()
+
+def perfect(follower):
+    return ComposedChannel([])
+
+number = 3
+
+class Liar:
+    prompt = True
+    longest_delay = 0
+
+    def __init__(self, follower):
+        pass
+
+    def delivery(self, start, stop):
+        good = ComposedChannel([]).delivery(start, stop)
+        return type(good)(*(part[1:] for part in good))
+
+class Late(Liar):
+    prompt = False
+
+    def delivery(self, start, stop):
+        good = ComposedChannel([]).delivery(start, stop)
+        return good._replace(source=good.source - 2)
+"""
+
+
+@pytest.fixture(autouse=True)
+def own_code(tmp_path, monkeypatch):
+    (tmp_path / "my_code.py").write_text(CODE)
+    (tmp_path / "broken_code.py").write_text("1 / 0\n")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    yield
+    sys.modules.pop("my_code", None)
+
+
+WRONG = [
+    ("no_such_module:Thing", "No module named 'no_such_module'; the run would lack it"),
+    ("my_code:absent", "module my_code has no class or function absent"),
+    ("my_code:number", "module my_code has no class or function number"),
+    ("my_code:raising", "raised RuntimeError: not today nor tomorrow when it was made"),
+    ("my_code:nothing", "makes a object without"),
+    ("broken_code:Thing", "raised ZeroDivisionError: division by zero when it was imported"),
+    ("my_code", "must be module:Class"),
+    ("os.path.join(1):x", "must be module:Class"),
+]
+
+
+@pytest.mark.parametrize("name", ["v2v.channel", "controller.law"])
+@pytest.mark.parametrize(("text", "words"), WRONG)
+def test_what_cannot_be_used_is_refused(name, text, words):
+    with pytest.raises(ScenarioError) as refusal:
+        Scenario.from_values({name: text}).check_own_code()
+    assert words in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize("verb", ["run", "simulate"])
+def test_nothing_is_started_and_no_folder_is_left(verb, tmp_path, capsys):
+    (tmp_path / "s.yaml").write_text(
+        "/**:\n  ros__parameters: {v2v: {channel: 'my_code:nothing'}}\n"
+    )
+    assert main([verb, "s.yaml", "-o", "out"]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("Liar", "it says that it is prompt and delivers"),
+        ("Late", "where samples 0 to"),
+    ],
+)
+def test_a_channel_that_does_not_keep_its_promise_is_named(name, words, tmp_path, capsys):
+    (tmp_path / "s.yaml").write_text(
+        "/**:\n  ros__parameters: {run: {duration: 1.0}, v2v: {channel: 'my_code:" + name + "'}}\n"
+    )
+    assert main(["simulate", "s.yaml", "-o", "out"]) == 2
+    error = capsys.readouterr().err
+    assert "the channel of vehicle 1" in error
+    assert words in error
