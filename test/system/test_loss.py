@@ -12,6 +12,7 @@ from rosbags.rosbag2 import Reader
 
 from cacc_platoon.analysis import analyse
 from cacc_platoon.bags.digest import run_digest
+from cacc_platoon.cli import main
 from cacc_platoon.runs.recording import recording_of
 from cacc_platoon.scenario.file import load_scenario
 from cacc_platoon.simulation import simulate
@@ -113,3 +114,13 @@ def test_a_killed_relay_is_named_and_the_bag_is_readable(platoon: Start) -> None
     report = analyse(result.folder.path, runs=0)
     assert len(report.run.trajectory.time) > 200
     assert np.isfinite(report.run.trajectory.received[:200]).all()
+
+
+def test_a_replay_does_not_run_code_that_only_a_bag_names(
+    platoon: Start, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.syspath_prepend(str(HERE))
+    run = platoon(*LOSSY, *OWN, environment={"PYTHONPATH": str(HERE)})
+    assert run.result().exit_code == 0
+    assert main(["replay", str(run.folder.path), "--vehicle", "2"]) == 2
+    assert "code that the replay would run" in capsys.readouterr().err
