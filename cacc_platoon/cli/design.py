@@ -32,19 +32,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     ratio = question.add_mutually_exclusive_group(required=True)
     ratio.add_argument("--rho", type=float, help="signal-to-noise ratio, linear, > 1")
     ratio.add_argument("--snr-db", type=float, help="signal-to-noise ratio [dB], > 0")
-    question.add_argument("--tau0", type=float, required=True, help="largest actuation lag [s]")
+    question.add_argument(
+        "--tau-max", "--tau0", type=float, required=True, help="largest actuation lag tau0 [s]"
+    )
     question.add_argument("--period", type=float, default=0.01, help="control period [s] (0.01)")
     question.add_argument("--latency", type=float, default=0.0, help="V2V latency [s] (0)")
     design = parser.add_argument_group("a design; all four are certified, some are kept")
-    design.add_argument("--ka", type=float, help="gain on the communicated acceleration [-]")
-    design.add_argument("--headway", type=float, help="time headway [s]")
-    design.add_argument("--kv", type=float, help="gain on the velocity error [1/s]")
-    design.add_argument("--kp", type=float, help="gain on the spacing error [1/s^2]")
     design.add_argument(
-        "--k-effective", type=float, help="certify for this k_a E[w] at tau0 only, not the worst"
+        "--k-a", "--ka", type=float, help="gain on the communicated acceleration [-]"
+    )
+    design.add_argument("--time-headway", "--headway", type=float, help="time headway [s]")
+    design.add_argument("--k-v", "--kv", type=float, help="gain on the velocity error [1/s]")
+    design.add_argument("--k-p", "--kp", type=float, help="gain on the spacing error [1/s^2]")
+    design.add_argument(
+        "--k-effective", type=float, help="certify for this k_a E[w] at tau_max only, not the worst"
     )
     limits = parser.add_argument_group("what recommended designs must keep to")
-    limits.add_argument("--max-headway", type=float, help="longest headway [s] (2.5 tau0)")
+    limits.add_argument("--max-headway", type=float, help="longest headway [s] (2.5 tau_max)")
     limits.add_argument("--max-linf", type=float, help="largest L-infinity gain, >= 1")
     limits.add_argument("--max-time-constant", type=float, help="slowest mode allowed [s]")
     limits.add_argument(
@@ -138,22 +142,22 @@ def _question(args: argparse.Namespace) -> Question:
         max_headway=args.max_headway,
         max_linf=args.max_linf,
         max_time_constant=args.max_time_constant,
-        k_a=args.ka,
-        time_headway=args.headway,
+        k_a=args.k_a,
+        time_headway=args.time_headway,
     )
     bits = V2V().bit_probabilities
-    complete = None not in (args.ka, args.headway, args.kv, args.kp)
-    if not complete and (args.check or {args.kv, args.kp, args.k_effective} != {None}):
+    complete = None not in (args.k_a, args.time_headway, args.k_v, args.k_p)
+    if not complete and (args.check or {args.k_v, args.k_p, args.k_effective} != {None}):
         raise DesignError(
-            "--kv, --kp, --k-effective and --check need a whole design: half of one has no "
-            "certificate. Give --ka, --headway, --kv and --kp, or none of these."
+            "--k-v, --k-p, --k-effective and --check need a whole design: half of one has no "
+            "certificate. Give --k-a, --time-headway, --k-v and --k-p, or none."
         )
     question = Question(
         rho,
-        args.tau0,
+        args.tau_max,
         requirements,
-        k_v=args.kv,
-        k_p=args.kp,
+        k_v=args.k_v,
+        k_p=args.k_p,
         k_effective=args.k_effective,
         noise=_noise(rho, bits, args.period),
         recommend=args.recommend or not complete,

@@ -222,3 +222,13 @@ def test_extreme_questions_are_answered_or_refused(seed):
         render(data)
         explain_design(Gains(headway, k_a, k_v, k_p), rho, tau_max)
         assert data["certificate"]["l2_gain"] == 1 or not data["certificate"]["string_stable"]
+
+
+def test_flags_have_the_names_of_the_parameters_and_the_old_ones_still_work(capsys):
+    old = "--rho 5 --tau0 0.5 --ka 0.5 --headway 0.95 --kv 0.63 --kp 0.009 --json"
+    new = "--rho 5 --tau-max 0.5 --k-a 0.5 --time-headway 0.95 --k-v 0.63 --k-p 0.009 --json"
+    answers = []
+    for text in (old, new):
+        assert platoon_design(text) == 0
+        answers.append(capsys.readouterr().out)
+    assert answers[0] == answers[1]
