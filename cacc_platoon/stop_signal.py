@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM, remembered and acted on where the run can be ended in good order."""
+"""Ctrl-C and SIGTERM, remembered and acted on where the run can be ended cleanly."""
 
 from __future__ import annotations
 

@@ -118,5 +118,5 @@ def _ensemble(scenario: Scenario, runs: int | None, progress: Progress | None) -
         runs = next((n for n, most in AUTOMATIC_RUNS if states <= most), 0)
     if not runs:
         return None
-    said = (lambda done, total: progress("noisy runs", done, total)) if progress else None
-    return monte_carlo(scenario, runs, said)
+    report = (lambda done, total: progress("noisy runs", done, total)) if progress else None
+    return monte_carlo(scenario, runs, report)

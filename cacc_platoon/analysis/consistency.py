@@ -58,14 +58,14 @@ def check_consistency(run: Trajectory) -> Consistency:
         )
         due = plant.advance(own, command)
         recorded = (part[1:, 1:] for part in (run.position, run.velocity, run.acceleration))
-        apart = np.max([np.abs(a - b) for a, b in zip(due, recorded, strict=True)], axis=0)
-    known = np.isfinite(apart)
-    apart = np.where(known, apart, 0.0)
+        difference = np.max([np.abs(a - b) for a, b in zip(due, recorded, strict=True)], axis=0)
+    known = np.isfinite(difference)
+    difference = np.where(known, difference, 0.0)
     departures = []
-    for column in range(apart.shape[1]):
-        beyond = np.flatnonzero(apart[:, column] > TOLERANCE)
+    for column in range(difference.shape[1]):
+        beyond = np.flatnonzero(difference[:, column] > TOLERANCE)
         if beyond.size:
             first = int(beyond[0])
-            where = (float(run.time[first + 1]), float(apart[first, column]))
+            where = (float(run.time[first + 1]), float(difference[first, column]))
             departures.append((followers[column].index, *where))
-    return Consistency(int(known.sum()), float(np.max(apart, initial=0.0)), tuple(departures))
+    return Consistency(int(known.sum()), float(np.max(difference, initial=0.0)), tuple(departures))

@@ -34,7 +34,7 @@ class PlatoonLength(NamedTuple):
 
 @dataclass(frozen=True)
 class Metrics:
-    """Numbers of one run; arrays are over followers 1..N unless said otherwise.
+    """Numbers of one run; arrays are over followers 1..N unless stated otherwise.
 
     Attributes
     ----------

@@ -29,7 +29,7 @@ class LinkNoise(NamedTuple):
     follower : int
         Index of the receiver.
     samples : int
-        Samples at which the predecessor accelerated, so that w can be told.
+        Samples at which the predecessor accelerated, so that w can be determined.
     mean, variance, low, high : float
         Of w over them; NaN when there are none.
     expected_mean, expected_variance : float

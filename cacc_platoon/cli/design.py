@@ -55,7 +55,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--recommend", action="store_true", help="recommend designs although one is given"
     )
     more = parser.add_argument_group("extensions")
-    more.add_argument("--predecessors", type=int, default=1, help="vehicles heard ahead (1)")
+    more.add_argument(
+        "--predecessors", type=int, default=1, help="vehicles ahead that are received (1)"
+    )
     more.add_argument("--reception", type=float, default=1.0, help="least packet reception (1)")
     output = parser.add_argument_group("output")
     output.add_argument("--json", action="store_true", help="print one JSON object")

@@ -41,7 +41,7 @@ def require_ros(verb: str, without_ros: str) -> None:
 
 
 def prepare_nodes(local: bool = True) -> StopSignal:
-    """Begin to load what hosts need; from now on signals end the run in good order.
+    """Begin to load what hosts need; from now on signals end the run cleanly.
 
     Processes of hosts begin with the environment as it is now. DDS stays on this machine when
     `local`, unless the environment says otherwise.

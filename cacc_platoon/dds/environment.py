@@ -10,7 +10,7 @@ PROFILE_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES
 
 
 def prefer_local(environment: MutableMapping[str, str]) -> None:
-    """Keep DDS on this machine and let it find processes quickly, unless told otherwise."""
+    """Keep DDS on this machine and let it find processes quickly, unless given otherwise."""
     environment.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     if not any(variable in environment for variable in PROFILE_VARIABLES):
         environment[PROFILE_VARIABLES[0]] = str(PROFILE)

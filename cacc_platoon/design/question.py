@@ -66,7 +66,7 @@ class Question:
     recommend : bool
         Whether to search for designs.
     predecessors : int
-        Number of predecessors heard, 1 for the paper's platoon. Gains, headways and limits are
+        Number of predecessors received, 1 for the paper's platoon. Gains, headways and limits are
         those of the equivalent one-predecessor platoon, see `for_predecessors`.
     reception : float
         Smallest packet reception probability.

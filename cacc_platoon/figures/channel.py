@@ -51,14 +51,14 @@ def plot_age(axes: Axes, run: Trajectory, follower: int) -> None:
 
 def plot_link_noise(axes: Axes, links: list[LinkNoise]) -> None:
     """Draw the realised mean and range of w on every link beside what the parameters say."""
-    heard = [link for link in links if link.samples]
-    index = [link.follower for link in heard]
-    mean = np.array([link.mean for link in heard])
-    low = np.array([link.low for link in heard])
-    high = np.array([link.high for link in heard])
+    used = [link for link in links if link.samples]
+    index = [link.follower for link in used]
+    mean = np.array([link.mean for link in used])
+    low = np.array([link.low for link in used])
+    high = np.array([link.high for link in used])
     axes.vlines(index, low, high, color=GREY, linewidth=1.5, label="smallest to largest")
     axes.plot(index, mean, "o", color=BLUE, markersize=4, label="mean")
-    expected = [link.expected_mean for link in heard]
+    expected = [link.expected_mean for link in used]
     axes.plot(index, expected, "_", color=RED, markersize=9, label="E[w] of the parameters")
     axes.set_xlabel("receiving vehicle")
     axes.set_ylabel("noise factor w [-]")

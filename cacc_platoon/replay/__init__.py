@@ -1,4 +1,4 @@
-"""Replay of one recorded node: what it was given and said, what differs, what it would have done.
+"""Replay of one recorded node: its inputs and outputs, what differs, what it would have done.
 
 The node itself runs elsewhere (`cacc_platoon.supervision.replay`); nothing here needs ROS.
 """

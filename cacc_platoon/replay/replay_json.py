@@ -1,4 +1,4 @@
-"""replay.json: whether a replayed node said the same, or what it would have done instead."""
+"""replay.json: whether a replayed node published the same, or what it would have done instead."""
 
 from __future__ import annotations
 

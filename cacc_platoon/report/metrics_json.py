@@ -42,8 +42,8 @@ def metrics_document(report: Report) -> dict[str, Any]:
                 "steps": report.consistency.steps,
                 "largest_difference": report.consistency.largest,
                 "departures": [
-                    {"follower": follower, "time": time, "difference": apart}
-                    for follower, time, apart in report.consistency.departures
+                    {"follower": follower, "time": time, "difference": deviation}
+                    for follower, time, deviation in report.consistency.departures
                 ],
             },
             "findings": list(run.findings),
@@ -143,19 +143,19 @@ def _smallest(values: Any) -> float:
 
 def _noise(links: list[LinkNoise]) -> dict[str, Any]:
     """All links together, weighted by their samples, and one by one."""
-    heard = [link for link in links if link.samples]
-    weight = np.array([link.samples for link in heard]) / max(1, sum(n.samples for n in heard))
-    means = np.array([link.mean for link in heard])
+    used = [link for link in links if link.samples]
+    weight = np.array([link.samples for link in used]) / max(1, sum(n.samples for n in used))
+    means = np.array([link.mean for link in used])
     with np.errstate(all="ignore"):
-        mean = float(weight @ means) if heard else math.nan
-        variances = np.array([link.variance for link in heard])
-        variance = float(weight @ (variances + (means - mean) ** 2)) if heard else math.nan
+        mean = float(weight @ means) if used else math.nan
+        variances = np.array([link.variance for link in used])
+        variance = float(weight @ (variances + (means - mean) ** 2)) if used else math.nan
     return {
         "mean_w": mean,
         "variance_w": variance,
-        "min_w": min((link.low for link in heard), default=math.nan),
-        "max_w": max((link.high for link in heard), default=math.nan),
-        "snr_db": min((link.snr_db for link in heard), default=math.nan),
+        "min_w": min((link.low for link in used), default=math.nan),
+        "max_w": max((link.high for link in used), default=math.nan),
+        "snr_db": min((link.snr_db for link in used), default=math.nan),
         "links": [_link(link) for link in links],
     }
 
@@ -182,14 +182,14 @@ def _ensemble(report: Report) -> dict[str, Any] | None:
     ensemble = report.ensemble
     if ensemble is None:
         return None
-    apart = np.abs(ensemble.mean - report.expectation.spacing_error)
+    deviation = np.abs(ensemble.mean - report.expectation.spacing_error)
     errors = np.where(ensemble.standard_error > _ROUNDING, ensemble.standard_error, np.inf)
     peaks = ensemble.max_abs_spacing_error
     return {
         "runs": ensemble.runs,
         "seed": report.run.trajectory.scenario.run.seed,
-        "max_abs_mean_minus_expectation": float(np.max(apart)),
-        "max_standard_errors_from_expectation": float(np.max(apart / errors)),
+        "max_abs_mean_minus_expectation": float(np.max(deviation)),
+        "max_standard_errors_from_expectation": float(np.max(deviation / errors)),
         "max_abs_spacing_error": {
             "mean": peaks.mean(axis=0),
             "min": peaks.min(axis=0),

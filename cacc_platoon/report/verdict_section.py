@@ -111,8 +111,8 @@ def _data_rows(report: Report, metrics: dict[str, Any]) -> Iterator[tuple[str, s
         "exact test (L2) with each link's realised mean of w and each follower's own tau; an "
         f"estimate from one run. End to end sup|H_1...H_N| = {_g(verdict.end_to_end_gain)}",
     )
-    heard = any(link.samples for link in links)
-    kept = "kept" if heard else "nothing was sent"
+    sent = any(link.samples for link in links)
+    kept = "kept" if sent else "nothing was sent"
     yield (
         "Channel assumption",
         "broken" if any(link.breaches for link in links) else kept,
@@ -126,12 +126,12 @@ def _data_rows(report: Report, metrics: dict[str, Any]) -> Iterator[tuple[str, s
         "every recorded state against one step of plant and control law from the sample before",
     )
     if ensemble := metrics["ensemble"]:
-        apart = ensemble["max_standard_errors_from_expectation"]
+        deviation = ensemble["max_standard_errors_from_expectation"]
         yield (
             "Mean of noisy runs",
             "unknown, they overflow"
-            if apart is None
-            else f"at most {apart:.3g} standard errors away",
+            if deviation is None
+            else f"at most {deviation:.3g} standard errors away",
             f"{ensemble['runs']} simulated runs against the expectation run at every vehicle and "
             "time; the paper's averaging says they agree",
         )
@@ -154,10 +154,10 @@ def _outcome_table(metrics: dict[str, Any]) -> str:
         for name, unit, key, form in rows
     )
     collided = metrics["first_collision"]
-    said = f"vehicle {collided['follower']} at {collided['time']:g} s" if collided else "no"
+    collision = f"vehicle {collided['follower']} at {collided['time']:g} s" if collided else "no"
     return (
         f'<div class="scroll"><table><tbody>{body}<tr><td class="text">collision</td>'
-        f"<td>{said}</td></tr></tbody></table></div>"
+        f"<td>{collision}</td></tr></tbody></table></div>"
     )
 
 

@@ -98,7 +98,7 @@ def _case_claims(case: Case, report: Report) -> Iterator[Claim]:
     gains = Gains(case.time_headway, case.k_a, case.k_v, case.k_p)
     verdict, peaks = report.verdict, report.expected.max_abs_spacing_error
     where = f"Sec. IV, h_w = {case.time_headway:g} s"
-    said = "string stable" if case.string_stable else "string unstable"
+    expected = "string stable" if case.string_stable else "string unstable"
     if case.string_stable:
         region = paper_region(case.k_a, case.time_headway, RHO, TAU_0)
         yield Claim(
@@ -114,7 +114,7 @@ def _case_claims(case: Case, report: Report) -> Iterator[Claim]:
     yield Claim(
         where,
         f"case {case.name}: sup|H(jw; tau_0)| [-]",
-        f"<= 1, {said}" if case.string_stable else f"> 1, {said}",
+        f"<= 1, {expected}" if case.string_stable else f"> 1, {expected}",
         f"{gain.gain:.9f} at {gain.peak_omega:.6f} rad/s",
         (gain.gain <= 1.0) == case.string_stable,
         f"closed form at tau_0, k_a E[w] = {mean:.9f}",
@@ -122,7 +122,7 @@ def _case_claims(case: Case, report: Report) -> Iterator[Claim]:
     yield Claim(
         where,
         f"case {case.name}: robustly string stable (L2)",
-        said,
+        expected,
         f"{'string stable' if verdict.string_stable else 'string unstable'}, worst sup|H| "
         f"{verdict.weakest.l2_gain:.9f}",
         verdict.string_stable == case.string_stable,

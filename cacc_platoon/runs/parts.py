@@ -18,7 +18,7 @@ FORMAT = Format(f"{INDEX_FILE} of a part", 1)
 
 
 class PartWriter:
-    """Takes down the messages of some topics in a folder, one file per topic, append-only.
+    """Records the messages of some topics in a folder, one file per topic, append-only.
 
     A part needs no closing to be readable: what was flushed is there, whatever happened later.
 

@@ -172,8 +172,8 @@ def identify(
     platoons = find_platoons(raw.topics)
     if not any(platoon.messages for platoon in platoons):
         raise BagError(f"{raw.path}: {_why_no_platoon(raw)}")
-    told = given or recorded_scenario(raw, None, None, [])
-    platoon = _choose(platoons, raw.path, namespace, told)
+    hint = given or recorded_scenario(raw, None, None, [])
+    platoon = _choose(platoons, raw.path, namespace, hint)
     notes += _other_platoons(platoons, platoon, raw)
     return platoon, _scenario(raw, platoon, folder, given, notes)
 

@@ -102,10 +102,10 @@ def scenario_version(text: str, source: str) -> int:
     UserError
         When it is newer than ours.
     """
-    told = _VERSION.search(_head(text))
-    if not told:
+    found = _VERSION.search(_head(text))
+    if not found:
         return 0
-    return FORMAT.check(int(told[1]) if told[1].isdecimal() else told[1], source)
+    return FORMAT.check(int(found[1]) if found[1].isdecimal() else found[1], source)
 
 
 def _head(text: str) -> str:

@@ -87,7 +87,7 @@ def simulate(
 def simulate_mean(scenario: Scenario) -> Trajectory:
     """Run the mean system of a scenario: the expectation of all its noisy, lossy runs.
 
-    Laws and channels of somebody's own are left out: it is the mean of what gains and v2v say.
+    Custom laws and channels are left out: it is the mean of what gains and v2v say.
 
     Examples
     --------

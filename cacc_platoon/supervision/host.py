@@ -67,7 +67,7 @@ def run_host(plan: HostPlan, lifeline: Connection) -> None:
 
 
 def host_signals() -> StopSignal:
-    """From now on SIGTERM ends this host in good order; a Ctrl-C is for the supervisor alone."""
+    """From now on SIGTERM ends this host cleanly; a Ctrl-C is for the supervisor alone."""
     stop = StopSignal(signal.SIGTERM)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     return stop

@@ -1,6 +1,6 @@
-"""What a host makes of what it is told and of what it sees, without a clock or a message.
+"""What a host makes of the status it receives and of what it sees, without a clock or a message.
 
-Every method returns the next record; when its `state` differs, everybody has to be told.
+Every method returns the next record; when its `state` differs, it has to be published.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class HostMachine:
 
     @property
     def finished(self) -> bool:
-        """Whether the supervisor has ended the run in good order."""
+        """Whether the supervisor has ended the run cleanly."""
         return self._in(RunPhase.FINISHED)
 
     @property

@@ -1,4 +1,4 @@
-"""A host's part in a run, through one of its nodes: what it is told, and what it tells.
+"""A host's part in a run, through one of its nodes: what it receives and what it publishes.
 
 What that means is decided in `host_machine`; here are topics, connections and the clock.
 """
@@ -80,7 +80,7 @@ class HostSession:
 
     @property
     def finished(self) -> bool:
-        """Whether the supervisor has ended the run in good order."""
+        """Whether the supervisor has ended the run cleanly."""
         return self._machine.finished
 
     @property

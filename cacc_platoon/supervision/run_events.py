@@ -1,4 +1,4 @@
-"""What the run machine is told, and what it asks for: one record for each."""
+"""What the run machine takes in, and what it asks for: one record for each."""
 
 from __future__ import annotations
 

@@ -53,7 +53,7 @@ GOODBYE_TIMEOUT = 3.0
 GRAPH_PERIOD = 0.5
 """How often the graph is looked at [s]; every look takes time."""
 HEARTBEAT_PERIOD = 0.2
-"""How often everybody is told that the supervisor lives [s]."""
+"""How often the supervisor says that it lives [s]."""
 OWN_HOST = "supervisor"
 """Name of the host in the supervisor's process."""
 NAMED_FAILURES = 3
@@ -106,7 +106,7 @@ class RunMachine:
         return Run(run_id, Stage.LOOKING, now)
 
     def status(self, run: Run, outside: Mapping[str, int] | None = None) -> RunStatus:
-        """Return what everybody is told.
+        """Return the status to publish.
 
         Parameters
         ----------
@@ -322,7 +322,7 @@ class RunMachine:
         end = replace(run.end, silent=tuple(waited_for))
         return run._replace(stage=Stage.OVER, end=end), [end]
 
-    # What is said of it; a replay has other words.
+    # The texts; a replay has others.
 
     def late(self, run: Run, missing: Sequence[str]) -> str:
         """Say what has not come in time."""

@@ -40,7 +40,7 @@ class Run(NamedTuple):
     since : float
         When that began; the time limits count from here.
     phase : RunPhase
-        What everybody is told.
+        The status to publish.
     hosts : mapping of str to HostState
         The last word of each host.
     recorded : mapping of str to int

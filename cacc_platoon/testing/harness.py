@@ -179,7 +179,7 @@ class Platoon:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """End every process that is left, in good order where possible."""
+        """End every process that is left, cleanly where possible."""
         with cleared_segments():
             self._stack.close()
 
@@ -227,7 +227,7 @@ class Platoon:
                 raise TimeoutError(
                     f"{what} did not come within {timeout:g} s: the run is "
                     f"{self._phase or 'not to be seen'} at sample {self._sample}; "
-                    f"it said: {self._errors.read_text().strip() or 'nothing'}"
+                    f"its output: {self._errors.read_text().strip() or 'nothing'}"
                 )
 
     def environment(self) -> dict[str, str]:

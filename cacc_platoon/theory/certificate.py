@@ -75,7 +75,7 @@ def worst_l2_gain(
 
 @dataclass(frozen=True)
 class Certificate:
-    """What one design guarantees: worst over tau in (0, tau_max] and I unless said otherwise.
+    """What one design guarantees: worst over tau in (0, tau_max] and I unless stated otherwise.
 
     The fields are the question, two equal questions are equal certificates. The parts are its
     answers; a part that cannot be computed raises `DesignError` when it is read.

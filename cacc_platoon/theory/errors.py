@@ -1,4 +1,4 @@
-"""What a design question may not contain, said as value, rule, consequence, remedy."""
+"""What a design question may not contain, as value, rule, consequence, remedy."""
 
 from __future__ import annotations
 

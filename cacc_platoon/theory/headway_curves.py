@@ -94,7 +94,7 @@ class HeadwayOverSnr(NamedTuple):
 
 
 def headway_over_snr(tau_max: float, snr_db: Float | None = None) -> HeadwayOverSnr:
-    """Compute `HeadwayOverSnr`, from 0.5 to 60 dB unless told otherwise.
+    """Compute `HeadwayOverSnr`, from 0.5 to 60 dB unless given otherwise.
 
     Examples
     --------

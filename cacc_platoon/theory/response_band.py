@@ -47,7 +47,7 @@ class ResponseBand(NamedTuple):
 def response_band(
     gains: Gains, rho: float, tau_max: float, *, k_effective: float | None = None
 ) -> ResponseBand:
-    """Compute `ResponseBand`; the nominal curve has ``E[w] = 1`` unless told otherwise.
+    """Compute `ResponseBand`; the nominal curve has ``E[w] = 1`` unless given otherwise.
 
     Examples
     --------
