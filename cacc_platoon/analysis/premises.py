@@ -5,7 +5,8 @@ from __future__ import annotations
 from cacc_platoon.analysis.age import LinkReception
 from cacc_platoon.analysis.consistency import Consistency
 from cacc_platoon.analysis.noise import LinkNoise
-from cacc_platoon.scenario import Scenario
+from cacc_platoon.model import ConstantTimeHeadway
+from cacc_platoon.scenario import Follower, Scenario
 
 
 def broken_premises(
@@ -26,11 +27,19 @@ def broken_premises(
 def _own_code(scenario: Scenario) -> list[str]:
     """Name channels and laws of the user's own, of which nothing is proven."""
     channels = sorted({f.v2v.channel for f in scenario.followers if f.v2v.channel})
-    laws = sorted({f.law_name for f in scenario.followers if f.law_name})
+    laws = sorted({name for f in scenario.followers if (name := _other_law(f))})
     return [
         *(f"v2v.channel = {name} is another channel than noise and loss" for name in channels),
-        *(f"controller.law = {name} is another law than the certified one" for name in laws),
+        *(f"the control law {name} is another one than the certified one" for name in laws),
     ]
+
+
+def _other_law(follower: Follower) -> str:
+    """Name a law that is not the certified one; code of the user's is not run."""
+    if follower.law_name:
+        return follower.law_name
+    law = follower.law()
+    return "" if type(law) is ConstantTimeHeadway else type(law).__name__
 
 
 def _noise_out_of_range(noise: list[LinkNoise]) -> list[str]:

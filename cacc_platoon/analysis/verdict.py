@@ -300,13 +300,15 @@ def _sampled_too_slowly(verdicts: list[FollowerVerdict]) -> list[str]:
     first, certificate = lost[0]
     return [
         f"the loop of vehicle {first}, sampled every {certificate.period:g} s, is not string "
-        f"stable; it is below {certificate.critical_period:.4g} s ({len(lost)} vehicles in all)"
+        f"stable; it is below {certificate.critical_period:.4g} s ({len(lost)} vehicles in all): "
+        "lower run.step"
     ]
 
 
 def _realised(verdict: FollowerVerdict, follower: Follower, mean: float) -> FollowerVerdict:
     """Fill in what holds for the mean w that this run had."""
-    if not verdict.decided or not abs(mean) < _ABSURD:
+    held = _reception(follower)[1] < 1.0  # one gain does not describe a receiver that holds
+    if not verdict.decided or held or not abs(mean) < _ABSURD:
         return verdict._replace(follower=follower.index)
     k = follower.gains.k_a * mean * _reception(follower)[0]
     return verdict._replace(
@@ -339,7 +341,7 @@ def warn_if_not_string_stable(scenario: Scenario) -> str | None:
     """
     verdict = judge(scenario)
     if verdict.string_stable:
-        return f"{scenario.name}: {verdict.void[0]}. Lower run.step." if verdict.void else None
+        return f"{scenario.name}: {verdict.void[0]}" if verdict.void else None
     if verdict.undecided:
         return f"the gains cannot be certified: {verdict.weakest.reason}"
     failing = [one for one in verdict.followers if one.failure]

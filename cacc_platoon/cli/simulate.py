@@ -6,6 +6,7 @@ A Monte Carlo beside it (--runs N) shows the spread of noisy runs and that their
 from __future__ import annotations
 
 import argparse
+import shutil
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -68,7 +69,11 @@ def simulate_run(scenario: Scenario, path: Path, progress: ProgressLine | None =
 
     folder = RunFolder.create(path, scenario)
     begun = time.monotonic()
-    trajectory = simulate(scenario, progress=_named("simulating", progress))
+    try:
+        trajectory = simulate(scenario, progress=_named("simulating", progress))
+    except UserError:  # of a channel or law of the user's own: nothing was recorded
+        shutil.rmtree(path)
+        raise
     wall = time.monotonic() - begun
     info = RunInfo(
         samples=len(trajectory.position),

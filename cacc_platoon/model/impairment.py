@@ -111,9 +111,14 @@ def checked_delivery(channel: Channel, start: int, stop: int) -> Delivery:
         When a packet is delivered outside of them, before it was sent, later than
         `longest_delay` or out of order, or when a prompt channel loses one.
     """
-    given = channel.delivery(start, stop)
-    source, sample = (np.asarray(part, np.int64) for part in given[:2])
-    factor: Floats = np.asarray(given[2], np.float64)
+    try:
+        given = channel.delivery(start, stop)
+        source, sample = (np.asarray(part, np.int64) for part in given[:2])
+        factor: Floats = np.asarray(given[2], np.float64)
+    except Exception as error:  # a channel of the user's own may fail in any way
+        raise ChannelError(
+            f"it raised {type(error).__name__}: {' '.join(str(error).split())}"
+        ) from error
     if not len(source) == len(sample) == len(factor):
         raise ChannelError("source, sample and factor of its delivery differ in length")
     late = sample - source

@@ -179,8 +179,11 @@ class _Streams:
         vehicle = self._graph.vehicles[index]
         if index not in self._graph.counted or topic != vehicle.received:
             return self._gridded(topic)
-        rows = self._rows(topic, rows_in_order_of_recording)
         counts = self._gridded(vehicle.complete)
+        if any(len(part.lengths) for part in self._raw.topics.get(topic.name, [])):
+            rows = self._rows(topic, rows_in_order_of_recording)
+        else:  # everything was lost
+            rows = np.empty((0, topic.codec.size), np.uint8)
         ends = vehicle.complete.codec.values(counts.messages[: counts.unbroken]).astype(np.int64)
         return Stream(topic, rows, ends[ends <= len(rows)])
 

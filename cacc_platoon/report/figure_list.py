@@ -42,7 +42,8 @@ def _error_pictures(report: Report) -> Iterator[Picture]:
     yield Picture(
         "spacing_errors_expected",
         "Spacing errors, expectation run",
-        "The same scenario with w = E[w] on every link: the mean of all noisy runs.",
+        "The mean system of the scenario, w = E[w] and losses in the mean on every link: the mean "
+        "of all its random runs.",
         lambda axes: motion.plot_spacing_errors(axes, expectation),
     )
     if ensemble is not None:

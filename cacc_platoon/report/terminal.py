@@ -42,14 +42,19 @@ def _verdict_lines(report: Report) -> list[str]:
     if weakest.certificate:
         low, high = weakest.certificate.interval
     failed = "undecided" if verdict.undecided else "failed"
+    holds = any(f.v2v.loss and f.v2v.reception == "hold" for f in scenario.followers)
+    lossless = " of the loop without loss" if holds else ""
+    certificate = weakest.certificate
+    share = "p " if certificate and certificate.reception < 1.0 else ""
     passed = "passed" if verdict.string_stable else f"{failed}: {weakest.reason}"
     which = "" if verdict.equal_links else f" (vehicle {weakest.follower} is the weakest)"
     lines = [
-        f"  exact test, every lag tau <= {own.tau_max:g} s and every k_a E[w] in "
+        f"  exact test, every lag tau <= {own.tau_max:g} s and every {share}k_a E[w] in "
         f"[{low:.4g}, {high:.4g}]: {passed}",
-        f"  sup|H| = {weakest.l2_gain:.9g} (L2){which}; L-infinity gain of a hop "
+        f"  sup|H| = {weakest.l2_gain:.9g} (L2){lossless}{which}; L-infinity gain of a hop "
         f"{verdict.linf_gain:.6g}",
-        "  paper's Theorem 2 (sufficient): " + ("passed" if verdict.in_paper_region else "failed"),
+        f"  paper's Theorem 2 (sufficient){lossless}: "
+        + ("passed" if verdict.in_paper_region else "failed"),
     ]
     lines += [f"  packet loss: {basis}" for basis in loss_bases(scenario)]
     lines += [f"  VOID for this run: {reason}" for reason in verdict.void]

@@ -14,6 +14,8 @@ from cacc_platoon.runs.sample_grid import Fault, Grid
 from cacc_platoon.simulation import Arrivals
 from msg_adapters.topics import Graph, Role
 
+_NONE = np.empty(0, np.int64)
+
 
 def counted_rows(raw: RawBag, graph: Graph) -> dict[str, TopicRows]:
     """Return the messages of counted links with the samples at which they were delivered."""
@@ -43,6 +45,8 @@ def read_arrivals(
         if record is not None and record.delivered is not None:
             stamps = received.codec.stamps(record.messages)
             values, delivered = received.codec.values(record.messages), record.delivered
+        elif graph.vehicles[index].complete.name in rows and not (signal and len(signal.stamps)):
+            stamps, values, delivered = _NONE, _NONE.astype(np.float64), _NONE
         elif signal is not None:
             what = "is not in the bag: packets count as delivered when they were sent"
             faults.append(Fault(graph.vehicles[index].complete.name, what))

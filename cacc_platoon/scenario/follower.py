@@ -82,6 +82,9 @@ class Follower:
             members = ("prompt", "longest_delay", "delivery")
             made: Channel = make_plugin(self.v2v.channel, "v2v.channel", self, members)
             return made
+        return self._composed(noise)
+
+    def _composed(self, noise: str | None = None) -> ComposedChannel:
         impairments: list[Impairment] = [ContentNoise(self.noise(noise))]
         if self.v2v.loss:
             impairments.append(IndependentLoss(self.v2v.loss, self.seed, self.index))
@@ -96,7 +99,7 @@ class Follower:
     @property
     def counted(self) -> bool:
         """Whether its channel may lose or delay packets, so that its relay counts them."""
-        return self.v2v.loss > 0.0 or bool(self.v2v.channel)
+        return bool(self.v2v.channel) or not self._composed().prompt
 
     def reception(self) -> Reception:
         """Return what the vehicle makes of the packets that arrive."""

@@ -33,6 +33,7 @@ from cacc_platoon.scenario.follower import Follower
 from cacc_platoon.scenario.names import NodeKind, NodeName, vehicle_index, vehicle_name
 from cacc_platoon.scenario.ros_sections import forget, replace
 from cacc_platoon.scenario.table import (
+    FORMER_NAMES,
     GROUPS,
     TABLE,
     V2V,
@@ -147,7 +148,12 @@ class Scenario:
         """
         common = self.values()
         overrides = {index: dict(own) for index, own in self.overrides.items()}
-        for name, value in values.items():
+        leader = self.recorded_leader
+        for given, new in values.items():
+            name = FORMER_NAMES.get(given, given)
+            value = new.item() if hasattr(new, "item") else new  # numpy's numbers
+            if name == "leader.file":
+                leader, common["leader.times"], common["leader.speeds"] = None, (), ()
             vehicle, _, rest = name.partition(".")
             index = vehicle_index(vehicle)
             if index is not None:
@@ -157,7 +163,7 @@ class Scenario:
             for own in overrides.values():
                 forget(own, name)
         changed = Scenario.from_values(common, overrides, self.name)
-        return dataclasses.replace(changed, name=self.name, recorded_leader=self.recorded_leader)
+        return dataclasses.replace(changed, name=self.name, recorded_leader=leader)
 
     def values(self) -> dict[str, Any]:
         """Return every common parameter by its dotted name."""

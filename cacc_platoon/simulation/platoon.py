@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from cacc_platoon.errors import UserError
 from cacc_platoon.model import (
     ConstantTimeHeadway,
     ControlLaw,
@@ -96,9 +97,8 @@ def simulate_mean(scenario: Scenario) -> Trajectory:
     >>> bool((run.position == mean.position).all())
     True
     """
-    own = any(follower.law_name for follower in scenario.followers)
-    law = Follower.spacing_policy if own else None  # code that a scenario names is not run
-    states = propagate(scenario, MeanLinks(scenario.followers), law=law)
+    links = MeanLinks(scenario.followers)
+    states = propagate(scenario, links, law=Follower.spacing_policy)  # no code of the user's
     position, velocity, acceleration = (np.ascontiguousarray(part[:, 0]) for part in states)
     received = _received(MeanLinks(scenario.followers), states[2])[:, 0]
     return Trajectory(scenario, position, velocity, acceleration, received)
@@ -165,16 +165,28 @@ def propagate(
 
 def _command(followers: Sequence[Follower], law: LawFactory | None) -> Callable[..., Array]:
     """Return the control laws of all followers as one function of arrays of shape (runs, N)."""
-    if law is None and not any(follower.law_name for follower in followers):
+    laws = [law(follower) if law else follower.law() for follower in followers]
+    if all(type(one) is ConstantTimeHeadway for one in laws):
         gains = Gains(*np.array([follower.gains for follower in followers]).T)
         return ConstantTimeHeadway(gains, followers[0].standstill_distance).command
-    laws = [law(follower) if law else follower.law() for follower in followers]
 
     def command(*inputs: Array) -> Array:
         columns = [
-            one.command(*(part[:, i] for part in inputs))  # type: ignore[arg-type]
-            for i, one in enumerate(laws)
+            _column(one, follower.index, [part[:, i] for part in inputs])
+            for i, (one, follower) in enumerate(zip(laws, followers, strict=True))
         ]
         return np.stack(columns, axis=1)
 
     return command
+
+
+def _column(law: ControlLaw, index: int, inputs: Sequence[Array]) -> Array:
+    """Return the commands of one follower in all runs; its law may be anybody's."""
+    try:
+        command = law.command(*inputs)  # type: ignore[arg-type]
+        return np.broadcast_to(np.asarray(command, np.float64), inputs[0].shape)
+    except Exception as error:
+        raise UserError(
+            f"the control law of vehicle {index} raised {type(error).__name__}: "
+            f"{' '.join(str(error).split())}. Correct it; it must take arrays too."
+        ) from error

@@ -1,4 +1,4 @@
-"""What `ros2 run` starts: single nodes by hand, each a host of its own, and the supervisor."""
+"""What `ros2 run` starts: single nodes, each a host of its own, and the supervisor."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ def text_parameter(node: Node, name: str) -> str:
 
 
 def recorder() -> int:
-    """Record a whole platoon by hand, for hosts that do not record themselves."""
+    """Record a whole platoon for hosts that do not record themselves."""
     if asked_for_help(RECORDER_HELP):
         return 0
     stop = StopSignal(signal.SIGINT, signal.SIGTERM)

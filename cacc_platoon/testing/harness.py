@@ -8,7 +8,7 @@
 
 Every platoon is the `platoon run` command in a process of its own and in a DDS domain of its own;
 what the harness knows it has from topics and from the run folder. To test a controller of your
-own, start its node by hand: see `manual_nodes`.
+own, start its node yourself: see `manual_nodes`.
 """
 
 from __future__ import annotations
@@ -147,7 +147,7 @@ class Platoon:
         self._mark = f"{MARK}={os.getpid()}-{id(self)}"
 
     def __enter__(self) -> Platoon:
-        """Start the supervisor, the hosts and the nodes given by hand."""
+        """Start the supervisor, the hosts and the manually started nodes."""
         self._stack = contextlib.ExitStack()
         self.domain = self._stack.enter_context(own_domain())
         try:
@@ -184,7 +184,7 @@ class Platoon:
             self._stack.close()
 
     def start(self, node: str, command: Sequence[str] = (), parameters: Iterable[str] = ()) -> int:
-        """Start a node by hand and return its process id; without a command it is one of ours.
+        """Start a node and return its process id; without a command it is one of ours.
 
         `parameters` are `name:=value` texts.
         """

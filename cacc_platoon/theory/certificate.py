@@ -8,7 +8,7 @@ are proven and which numerical: docs/theory.md, section 13 (What is proven and w
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -152,12 +152,14 @@ class Certificate:
     @property
     def string_stable(self) -> bool:
         """The exact test; where packets are held, that of the sampled mean system too."""
-        return self._passes_exact_test and (self.held == 1.0 or self.sampled_string_stable)
+        return self._passes_exact_test and not self.fails_held
 
     @property
     def fails_held(self) -> bool:
         """Whether it is for held packets alone that the design is not string stable."""
-        return self._passes_exact_test and not self.string_stable
+        if self.held == 1.0 or not self._passes_exact_test or self.sampled_string_stable:
+            return False
+        return replace(self, held=1.0).sampled_string_stable
 
     @cached_property
     def _worst_l2_gain(self) -> L2Gain:

@@ -155,7 +155,7 @@ def explain_failure(certificate: Certificate) -> Failure | None:
             f"with a share {certificate.held:.6g} of all packets received and the last one held, "
             f"the mean loop sampled every {certificate.period:g} s has sup|H_T| > 1",
             "disturbances grow along the platoon in the mean",
-            "Raise time_headway, lose fewer packets or take v2v.reception = zero",
+            "Raise time_headway or lose fewer packets",
         )
     if certificate.k_effective is not None:
         return _failure_of_one_gain(certificate)

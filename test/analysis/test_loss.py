@@ -91,3 +91,23 @@ def test_a_report_never_runs_code_that_a_scenario_names(bags, tmp_path, monkeypa
     assert len([reason for reason in report.verdict.void if "trap:" in reason]) == 2
     text = summary(report, metrics_document(report))
     assert "VOID for this run: v2v.channel = trap:Channel" in text
+
+
+def test_a_loop_that_is_sampled_too_slowly_is_not_blamed_on_loss():
+    verdict = judge(lossy(0.001, **{"run.step": 0.2}))
+    assert verdict.string_stable
+    assert any("sampled every 0.2 s" in reason for reason in verdict.void)
+
+
+def test_everything_lost_is_no_fault_of_the_bag(bags, tmp_path):
+    scenario = bags.scenario({"v2v.loss": 1.0})
+    report = analyse(bags.bag(tmp_path / "bag", scenario, bags.record(scenario)), runs=0)
+    assert report.run.findings == ()
+    assert all(link.loss == 1.0 for link in report.measured.reception)
+    assert (report.run.trajectory.received == 0.0).all()
+
+
+def test_what_a_receiver_that_holds_had_in_one_run_is_not_judged():
+    run = simulate(lossy(0.3))
+    verdict = judge(run.scenario, compute_metrics(run).noise)
+    assert {one.realised_stable for one in verdict.followers} == {None}

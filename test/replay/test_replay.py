@@ -181,6 +181,14 @@ def test_what_the_channel_lost_is_fed_as_lost(tmp_path):
     assert [stream.count(201) for stream in relay.outputs] == [len(delivered), 201]
 
 
+def test_a_link_that_loses_everything_is_replayed(tmp_path):
+    lossy = Scenario.from_values(VALUES | {"v2v.loss": 1.0})
+    record = read_node(make_bag(tmp_path / "bag", lossy), 2)
+    assert record.samples == 201
+    feed = {topic.name: samples for topic, samples in record.feed()}
+    assert feed[OWN.received.name] == [[]] * 201
+
+
 def test_a_gap_in_what_no_channel_loses_ends_the_replay(tmp_path):
     bag = make_bag(tmp_path / "bag", v2_v2v__accel=lambda rows: np.delete(rows, 50, axis=0))
     record = read_node(bag, 2)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cacc_platoon.model import ComposedChannel, ConstantNoise, ContentNoise, IndependentLoss
-from cacc_platoon.scenario import Scenario, ScenarioError
+from cacc_platoon.scenario import Follower, Scenario, ScenarioError
 from cacc_platoon.simulation import monte_carlo, simulate, simulate_mean
 
 SHORT = {"platoon.followers": 4, "run.duration": 30.0, "leader.start": 1.0, "v2v.loss": 0.4}
@@ -122,3 +122,26 @@ def test_constant_noise_and_loss_worked_out():
     run = simulate(lossy("zero"), channel=lambda _: channel)
     share = np.count_nonzero(run.received[200:1500, 0]) / 1300
     assert abs(share - p) < 4 * np.sqrt(p * (1 - p) / 1300)
+
+
+def test_another_kind_of_law_is_never_taken_for_the_usual_one(monkeypatch):
+    """Where `Follower.law` gives another class, the arrays use it."""
+
+    class Timid:
+        def __init__(self, law):
+            self.law = law
+
+        def command(self, *inputs):
+            return 0.5 * self.law.command(*inputs)
+
+    scenario = Scenario.from_values({**SHORT, "v2v.loss": 0.0})
+    usual = simulate(scenario)
+    monkeypatch.setattr(Follower, "law", lambda self: Timid(self.spacing_policy()))
+    assert (simulate(scenario).position != usual.position).any()
+
+
+def test_any_impairment_that_is_not_prompt_is_counted(monkeypatch):
+    follower = Scenario.from_values({**SHORT, "v2v.loss": 0.0}).follower(1)
+    assert not follower.counted
+    monkeypatch.setattr(Follower, "_composed", lambda *_: ComposedChannel([Late()]))
+    assert follower.counted
