@@ -55,9 +55,9 @@ CRASH = {
 DESIGNS = [
     question.split()
     for question in (
-        "--rho 5 --tau0 0.5",
-        "--rho 5 --tau0 0.5 --ka 0.4 --headway 0.95 --kv 0.63 --kp 0.009 --explain",
-        "--rho 5 --tau0 0.5 --ka 0.2 --headway 0.6 --kv 0.63 --kp 0.009 --reception 0.9 "
+        "--rho 5 --tau-max 0.5",
+        "--rho 5 --tau-max 0.5 --k-a 0.4 --time-headway 0.95 --k-v 0.63 --k-p 0.009 --explain",
+        "--rho 5 --tau-max 0.5 --k-a 0.2 --time-headway 0.6 --k-v 0.63 --k-p 0.009 --reception 0.9 "
         "--predecessors 2 --recommend",
     )
 ]

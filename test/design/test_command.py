@@ -24,8 +24,8 @@ from cacc_platoon.theory import (
     explain_design,
 )
 
-CASE_A = "--ka 0.5 --headway 0.95 --kv 0.63 --kp 0.009"
-CASE_B = "--ka 0.5 --headway 0.65 --kv 0.63 --kp 0.009"
+CASE_A = "--k-a 0.5 --time-headway 0.95 --k-v 0.63 --k-p 0.009"
+CASE_B = "--k-a 0.5 --time-headway 0.65 --k-v 0.63 --k-p 0.009"
 
 
 def platoon_design(text):
@@ -35,7 +35,7 @@ def platoon_design(text):
 
 
 def test_json_has_the_documented_keys(capsys):
-    assert platoon_design(f"--rho 5 --tau0 0.5 {CASE_A} --json") == 0
+    assert platoon_design(f"--rho 5 --tau-max 0.5 {CASE_A} --json") == 0
     captured = capsys.readouterr()
     data = json.loads(captured.out)
     assert captured.err == ""
@@ -55,8 +55,8 @@ def test_json_has_the_documented_keys(capsys):
 
 
 def test_infinite_values_are_null_in_json(capsys):
-    unstable = "--ka 0.5 --headway 0.2 --kv 0.01 --kp 5"
-    assert platoon_design(f"--rho 5 --tau0 0.5 {unstable} --json") == 0
+    unstable = "--k-a 0.5 --time-headway 0.2 --k-v 0.01 --k-p 5"
+    assert platoon_design(f"--rho 5 --tau-max 0.5 {unstable} --json") == 0
     certificate = json.loads(capsys.readouterr().out)["certificate"]
     assert certificate["internally_stable"] is False
     assert certificate["l2_gain"] is None
@@ -64,15 +64,15 @@ def test_infinite_values_are_null_in_json(capsys):
 
 
 def test_check_tells_unstable_from_stable_designs(capsys):
-    assert platoon_design(f"--rho 5 --tau0 0.5 {CASE_A} --check") == 0
-    assert platoon_design(f"--rho 5 --tau0 0.5 {CASE_B} --check") == 3
+    assert platoon_design(f"--rho 5 --tau-max 0.5 {CASE_A} --check") == 0
+    assert platoon_design(f"--rho 5 --tau-max 0.5 {CASE_B} --check") == 3
     text = capsys.readouterr().out
     assert "time_headway = 0.65 s is below 0.714286 s = 2 tau_0/(1 + (1 - 1/rho) k_a)" in text
     assert "in the paper's region S" in text
 
 
 def test_one_effective_gain_may_pass_where_the_interval_fails(capsys):
-    question = f"--rho 5 --tau0 0.5 {CASE_B} --json --k-effective"
+    question = f"--rho 5 --tau-max 0.5 {CASE_B} --json --k-effective"
     assert platoon_design(f"{question} 0.6") == 0
     good = json.loads(capsys.readouterr().out)
     assert good["certificate"]["string_stable"]
@@ -85,7 +85,8 @@ def test_one_effective_gain_may_pass_where_the_interval_fails(capsys):
 
 def test_written_scenario_runs_the_chosen_design(tmp_path, capsys):
     path = tmp_path / "mine.yaml"
-    command = f"--snr-db 14 --tau0 0.4 --period 0.02 --latency 0.03 --write {path} --pick shortest"
+    question = "--snr-db 14 --tau-max 0.4 --period 0.02 --latency 0.03"
+    command = f"{question} --write {path} --pick shortest"
     assert platoon_design(f"{command} --json") == 0
     captured = capsys.readouterr()
     assert str(path) in captured.err
@@ -104,20 +105,20 @@ def test_written_scenario_runs_the_chosen_design(tmp_path, capsys):
 @pytest.mark.parametrize("period", ["0.01", "0.03", "0.007"])
 def test_a_given_design_is_written_at_any_period(tmp_path, period):
     path = tmp_path / "given.yaml"
-    assert platoon_design(f"--rho 5 --tau0 0.5 {CASE_A} --period {period} --write {path}") == 0
+    assert platoon_design(f"--rho 5 --tau-max 0.5 {CASE_A} --period {period} --write {path}") == 0
     scenario = load_scenario(path)
     assert tuple(vars(scenario.controller).values())[:1] == (0.95,)
     assert scenario.run.duration >= 200
 
 
 def test_pictures_are_saved(tmp_path, capsys):
-    assert platoon_design(f"--rho 5 --tau0 0.5 {CASE_A} --plot {tmp_path}") == 0
+    assert platoon_design(f"--rho 5 --tau-max 0.5 {CASE_A} --plot {tmp_path}") == 0
     assert "12 pictures" in capsys.readouterr().err
     assert len(list(tmp_path.iterdir())) == 12
 
 
 def test_explanation_puts_numbers_into_the_formulas(capsys):
-    assert platoon_design(f"--rho 5 --tau0 0.5 {CASE_A} --explain") == 0
+    assert platoon_design(f"--rho 5 --tau-max 0.5 {CASE_A} --explain") == 0
     text = capsys.readouterr().out
     for piece in ("2*0.5*(1 - 0.4)/(1 - 0.36) = 0.9375 s", "= 0.714286 s", "a1 = 0.64", "Routh"):
         assert piece in text
@@ -132,11 +133,11 @@ def test_explanation_puts_numbers_into_the_formulas(capsys):
         "--rho nan",
         "--rho inf",
         "--snr-db 0",
-        "--rho 5 --ka 0.9",
-        "--rho 5 --ka -0.1",
-        "--rho 5 --ka 0.5 --headway 0.5",
-        "--rho 5 --headway nan",
-        "--rho 5 --kv 1",
+        "--rho 5 --k-a 0.9",
+        "--rho 5 --k-a -0.1",
+        "--rho 5 --k-a 0.5 --time-headway 0.5",
+        "--rho 5 --time-headway nan",
+        "--rho 5 --k-v 1",
         "--rho 5 --check",
         "--rho 5 --k-effective 0.5",
         "--rho 5 --latency -1",
@@ -144,16 +145,16 @@ def test_explanation_puts_numbers_into_the_formulas(capsys):
         "--rho 5 --max-linf 0.5",
         "--rho 5 --reception 2",
         "--rho 5 --predecessors 0",
-        "--rho 5 --ka 0.3 --predecessors 3",
+        "--rho 5 --k-a 0.3 --predecessors 3",
         "--rho 5 --write no/such/folder/x.yaml",
         f"--rho 5 {CASE_A} --predecessors 2 --write x.yaml",
-        "--rho 5 --ka 0.5 --headway 1 --kv -1 --kp 0.1",
+        "--rho 5 --k-a 0.5 --time-headway 1 --k-v -1 --k-p 0.1",
         "--rho 5 --max-headway 0.5",
     ],
 )
 def test_bad_input_is_refused_in_one_line_and_nothing_is_printed(question, capsys):
     with pytest.raises(UserError) as refusal:
-        platoon_design(f"{question} --tau0 0.5")
+        platoon_design(f"{question} --tau-max 0.5")
     assert "\n" not in str(refusal.value)
     assert ". " in str(refusal.value)
     assert capsys.readouterr().out == ""
@@ -161,8 +162,8 @@ def test_bad_input_is_refused_in_one_line_and_nothing_is_printed(question, capsy
 
 def test_extensions_are_answered(capsys):
     more = "--predecessors 2 --reception 0.8"
-    gains = "--ka 0.25 --headway 0.7 --kv 0.3 --kp 0.1"
-    assert platoon_design(f"--rho 5 --tau0 0.5 {gains} {more} --json") == 0
+    gains = "--k-a 0.25 --time-headway 0.7 --k-v 0.3 --k-p 0.1"
+    assert platoon_design(f"--rho 5 --tau-max 0.5 {gains} {more} --json") == 0
     data = json.loads(capsys.readouterr().out)
     assert data["gains"] == pytest.approx(
         {"time_headway": 1.05, "k_a": 0.5, "k_v": 0.6, "k_p": 0.2}
@@ -170,7 +171,7 @@ def test_extensions_are_answered(capsys):
     assert data["extensions"]["predecessors"]["paper"] == pytest.approx(0.625)
     assert data["extensions"]["predecessors"]["gains"]["k_a"] == pytest.approx(0.25)
     assert data["extensions"]["reception"]["string_stable"]
-    assert platoon_design(f"--rho 5 --tau0 0.5 --max-headway 0.6 {more}") == 0
+    assert platoon_design(f"--rho 5 --tau-max 0.5 --max-headway 0.6 {more}") == 0
     assert "Predecessors 2" in capsys.readouterr().out
 
 

@@ -117,7 +117,7 @@ def test_help_of_the_command_and_of_every_verb():
 
 
 def test_design_simulate_and_report(tmp_path):
-    designed = platoon("design", "--rho", "5", "--tau0", "0.5", "--json")
+    designed = platoon("design", "--rho", "5", "--tau-max", "0.5", "--json")
     assert designed.returncode == 0, designed.stderr
     assert json.loads(designed.stdout)["infimum_headway"] == pytest.approx(0.6)
 
