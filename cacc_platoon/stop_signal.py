@@ -13,7 +13,7 @@ class StopSignal:
     *signals : signal.Signals
         What to listen to.
     insist : bool, optional
-        Whether a second signal interrupts whatever goes on, with KeyboardInterrupt.
+        Whether a second signal interrupts whatever is running, with KeyboardInterrupt.
     """
 
     def __init__(self, *signals: signal.Signals, insist: bool = False) -> None:

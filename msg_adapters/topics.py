@@ -133,7 +133,7 @@ class Graph:
     prefix : str
         The platoon's namespace.
     topology : Topology
-        Who hears whom.
+        Who receives from whom.
     counted : frozenset of int
         Followers whose relay counts its messages, because its channel may lose or delay them.
     command, spacing_error : bool

@@ -79,7 +79,7 @@ def analyse(
         Size of a Monte Carlo of noisy runs beside the recorded one, 0 for none; by default some
         that take a few seconds, and none where no link is noisy.
     progress : callable, optional
-        Called now and then with what is being done, how much is done and how much there is.
+        Called periodically with what is being done, how much is done and how much there is.
 
     Raises
     ------

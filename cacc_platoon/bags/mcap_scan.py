@@ -134,7 +134,7 @@ class _Scan:
         base: int = 0,
         whole: bool = True,
     ) -> None:
-        """Take down the messages between two bytes; the loop does nothing but hop."""
+        """Record the messages between two bytes; the loop does nothing but hop."""
         hops = []
         while position + _PREFIX <= end:
             hops.append(position)
@@ -164,7 +164,7 @@ class _Scan:
         )
 
     def _define(self, data: mmap.mmap | bytes, at: int) -> None:
-        """Take down a schema or a channel."""
+        """Record a schema or a channel."""
         code, length = _HEAD.unpack_from(data, at)
         body = data[at + _PREFIX : at + _PREFIX + length]
         try:

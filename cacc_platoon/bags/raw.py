@@ -13,7 +13,7 @@ from cacc_platoon.errors import UserError
 Bytes: TypeAlias = npt.NDArray[np.uint8]
 Integers: TypeAlias = npt.NDArray[np.int64]
 Progress: TypeAlias = Callable[[str, int, int], None]
-"""Called now and then with what is being done, how much of it is done, how much there is."""
+"""Called periodically with what is being done, how much of it is done, how much there is."""
 
 
 class BagError(UserError):

@@ -47,7 +47,7 @@ def read_bag(path: Path, progress: Progress | None = None) -> RawBag:
     path : Path
         A bag's folder or one of its storage files.
     progress : callable, optional
-        Called now and then with what is being done, how much is done and how much there is.
+        Called periodically with what is being done, how much is done and how much there is.
 
     Raises
     ------

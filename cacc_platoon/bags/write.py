@@ -61,7 +61,7 @@ def write_bag(
     custom_data : dict of str to str
         Goes into the bag's metadata beside the scenario.
     progress : callable, optional
-        Called now and then with the sample reached and the number of samples.
+        Called periodically with the sample reached and the number of samples.
     """
     writer = Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP)
     version = {FORMAT_KEY: str(FORMAT.version)}

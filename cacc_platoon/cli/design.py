@@ -121,8 +121,8 @@ def _check_output(args: argparse.Namespace) -> None:
         )
     if args.predecessors != 1:
         raise DesignError(
-            f"--write with --predecessors {args.predecessors} has no scenario: the vehicles hear "
-            "one predecessor. Leave out --write."
+            f"--write with --predecessors {args.predecessors} has no scenario: the vehicles "
+            "receive from one predecessor. Leave out --write."
         )
 
 

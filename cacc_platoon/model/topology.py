@@ -1,4 +1,4 @@
-"""Who hears whom over V2V."""
+"""Who receives from whom over V2V."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ class Link(NamedTuple):
 
 
 class Topology(NamedTuple):
-    """Each follower hears its nearest predecessors.
+    """Each follower receives from its nearest predecessors.
 
     Attributes
     ----------
     followers : range
         Indices of the followers; the leader has the one before the first.
     predecessors : int
-        How many vehicles ahead a follower hears, as far as there are so many.
+        How many vehicles ahead a follower receives from, as far as there are so many.
 
     Examples
     --------

@@ -35,7 +35,7 @@ def report_run(
     path : Path or str
         A run folder, a bag's folder or a storage file.
     progress : callable, optional
-        Called now and then with what is being done, how much is done and how much there is.
+        Called periodically with what is being done, how much is done and how much there is.
     **options
         As in `analyse`.
     """

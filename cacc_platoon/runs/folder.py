@@ -106,7 +106,7 @@ class RunFolder:
         info : RunInfo
             What only the runner knows: status, message, wall time, hosts.
         progress : callable, optional
-            Called now and then with the sample written and the number of samples.
+            Called periodically with the sample written and the number of samples.
         """
         from cacc_platoon.bags.write import write_bag  # noqa: PLC0415  (heavy: a run starts sooner)
         from cacc_platoon.runs.recording import with_deliveries  # noqa: PLC0415

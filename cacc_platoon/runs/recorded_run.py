@@ -91,7 +91,7 @@ def read_run(
         Which platoon to read when the bag holds several; by default that of the scenario, or the
         one with the most messages.
     progress : callable, optional
-        Called now and then with what is being done, how much is done and how much there is.
+        Called periodically with what is being done, how much is done and how much there is.
 
     Raises
     ------

@@ -138,7 +138,7 @@ def sample(signal: Signal, grid: Grid) -> tuple[Floats, list[Fault]]:
     column[~_usable(column)] = np.nan
     present = np.zeros(grid.samples, np.bool_)
     present[index] = True
-    if not grid.exact:  # jitter leaves a sample without a stamp of its own now and then
+    if not grid.exact:  # jitter leaves a sample without a stamp of its own at times
         present[1:-1] |= present[:-2] & present[2:]
     _name_gaps(present, grid, faults)
     return column, faults.found

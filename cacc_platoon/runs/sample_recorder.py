@@ -43,7 +43,7 @@ class SampleRecorder:
     folder : Path
         Where they write, for the failure that says so.
     progress : callable
-        Called now and then with a sample up to which everything is there.
+        Called periodically with a sample up to which everything is there.
 
     Attributes
     ----------

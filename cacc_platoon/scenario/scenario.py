@@ -222,7 +222,7 @@ class Scenario:
 
     @property
     def topology(self) -> Topology:
-        """Who hears whom."""
+        """Who receives from whom."""
         return Topology(self.indices)
 
     @property

@@ -177,7 +177,7 @@ class Run:
     )
     spawn: bool = parameter(True, "-", "whether the supervisor starts the hosts itself")
     manual_nodes: tuple[str, ...] = parameter(
-        (), "-", "the nodes that somebody else starts, such as vehicle_3/vehicle"
+        (), "-", "the manually started nodes, such as vehicle_3/vehicle"
     )
     window: int = parameter(
         64, "samples", "how far the leader may be ahead of the slowest", at_least=1, at_most=1000

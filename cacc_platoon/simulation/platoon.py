@@ -58,7 +58,7 @@ def simulate(
     noise : {'bits', 'expected', 'none'}, optional
         Replaces every follower's v2v.noise.
     progress : callable, optional
-        Called now and then with the sample reached and the number of samples.
+        Called periodically with the sample reached and the number of samples.
     channel, law : callable, optional
         Make another channel, or control law, from each follower's parameters.
 

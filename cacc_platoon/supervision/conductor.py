@@ -68,7 +68,7 @@ class Crew:
         """Close the host in this process, if there is one."""
 
     def poll(self) -> None:
-        """Do what has to be done now and then."""
+        """Do what has to be done periodically."""
 
     def close(self) -> None:
         """End what is left of the hosts."""
@@ -91,7 +91,7 @@ class Conductor:
     run_id : str
         What tells this run from every other.
     observe : callable
-        Hears about progress.
+        Receives the progress.
     stopped : callable
         Returns the name of a signal that asks for the end of the run, or None.
 

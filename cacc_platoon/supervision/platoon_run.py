@@ -70,7 +70,7 @@ def run_platoon(
     path : Path
         The run folder, made here.
     observe : callable, optional
-        Hears about progress.
+        Receives the progress.
     stopped : callable, optional
         Returns the name of a signal that asks for the end of the run, or None.
 

@@ -164,7 +164,7 @@ class ReplayerNode(Node):  # type: ignore[misc]
         return receive
 
     def _report(self) -> None:
-        """Say up to which sample every answer is here, now and then and at the end."""
+        """Say up to which sample every answer is here, periodically and at the end."""
         done = min(bisect_right(ends, len(self.answers[name])) for name, ends in self._ends.items())
         if done - 1 >= self._reported + self._stride or done == self._samples:
             self._reported = done - 1

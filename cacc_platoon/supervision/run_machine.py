@@ -47,7 +47,7 @@ from cacc_platoon.supervision.run_state import (
 )
 
 NEWCOMER_WAIT = 0.4
-"""How long a run looks around for a platoon of the same name before it starts hosts [s]."""
+"""How long a run looks for a platoon of the same name before it starts hosts [s]."""
 GOODBYE_TIMEOUT = 3.0
 """How long hosts may take to close their parts [s]."""
 GRAPH_PERIOD = 0.5

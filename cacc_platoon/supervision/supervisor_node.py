@@ -82,7 +82,7 @@ class SupervisorNode(Node):  # type: ignore[misc]
         return frozenset(host for host in hosts if counts.get(self.topics.recorded(host)))
 
     def foreign_publishers(self, recorders: Iterable[str]) -> tuple[str, ...]:
-        """Return a line for each topic that somebody else publishes too, with who it is."""
+        """Return a line for each topic with a foreign publisher, with who it is."""
         own = {topic.name for topic in self.graph.run_topics}
         own |= {self.topics.horizon, self.topics.status}
         own |= {self.topics.recorded(host) for host in recorders}

@@ -91,7 +91,7 @@ def view_of(
     namespace : str, optional
         Which platoon, when the bag holds several.
     progress : callable, optional
-        Called now and then with what is being done, how much is done and how much there is.
+        Called periodically with what is being done, how much is done and how much there is.
 
     Raises
     ------
