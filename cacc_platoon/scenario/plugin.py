@@ -47,7 +47,7 @@ def make_plugin(text: str, name: str, argument: object, members: Sequence[str]) 
         made = factory(argument)
     except UserError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise ScenarioError(
             f"{name} = {text}: raised {_one_line(error)} when it was made for vehicle "
             f"{getattr(argument, 'index', '')}; the run would lack it. Correct its code."
@@ -73,7 +73,7 @@ def _load(text: str, name: str) -> Callable[..., Any]:
             f"{name} = {text}: {error}; the run would lack it. Put the module into the working "
             "folder or on PYTHONPATH."
         ) from error
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise ScenarioError(
             f"{name} = {text}: raised {_one_line(error)} when it was imported; the run would lack "
             "it. Correct its code."
@@ -87,5 +87,5 @@ def _load(text: str, name: str) -> Callable[..., Any]:
     return factory  # type: ignore[no-any-return]
 
 
-def _one_line(error: Exception) -> str:
+def _one_line(error: BaseException) -> str:
     return " ".join(f"{type(error).__name__}: {error}".split())

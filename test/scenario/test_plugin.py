@@ -44,6 +44,7 @@ class Late(Liar):
 @pytest.fixture(autouse=True)
 def own_code(tmp_path, monkeypatch):
     (tmp_path / "my_code.py").write_text(CODE)
+    (tmp_path / "leaving_code.py").write_text("raise SystemExit(0)\n")
     (tmp_path / "broken_code.py").write_text("1 / 0\n")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", [*sys.path])
@@ -58,6 +59,7 @@ WRONG = [
     ("my_code:raising", "raised RuntimeError: not today nor tomorrow when it was made"),
     ("my_code:nothing", "makes a object without"),
     ("broken_code:Thing", "raised ZeroDivisionError: division by zero when it was imported"),
+    ("leaving_code:Thing", "raised SystemExit: 0 when it was imported"),
     ("my_code", "must be module:Class"),
     ("os.path.join(1):x", "must be module:Class"),
 ]
