@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
-from cacc_platoon.model import Topology
+from cacc_platoon.model import Link, Topology
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.names import (
     NodeKind,
@@ -33,6 +34,13 @@ class Topic(NamedTuple):
         return StampedCodec(self.kind, self.frame_id)
 
 
+class LinkTopics(NamedTuple):
+    """What the relay of one link publishes: accelerations, and how many it has published."""
+
+    accel: Topic
+    complete: Topic
+
+
 class VehicleTopics:
     """The topics of vehicle `index` under a platoon's `prefix`.
 
@@ -48,8 +56,8 @@ class VehicleTopics:
         self.pose = Topic(f"{self.namespace}/pose", POSE, "map")
         self.twist = Topic(f"{self.namespace}/twist", TWIST, body)
         self.accel = Topic(f"{self.namespace}/accel", ACCEL, body)
-        self.received = Topic(f"{self.namespace}/v2v/accel", ACCEL, _body(index - 1))
-        self.complete = Topic(f"{self.namespace}/v2v/complete", VECTOR, body)
+        self._index = index
+        self.received, self.complete = self.link(index - 1)
         self.command = Topic(f"{self.namespace}/command", ACCEL, body)
         self.spacing_error = Topic(f"{self.namespace}/spacing_error", VECTOR, body)
 
@@ -57,6 +65,15 @@ class VehicleTopics:
     def motion(self) -> tuple[Topic, Topic, Topic]:
         """Pose, twist and accel."""
         return self.pose, self.twist, self.accel
+
+    def link(self, sender: int) -> LinkTopics:
+        """Return the topics of the link from another vehicle."""
+        nearest = sender == self._index - 1
+        v2v = f"{self.namespace}/v2v" if nearest else f"{self.namespace}/v2v/from_{sender}"
+        return LinkTopics(
+            Topic(f"{v2v}/accel", ACCEL, _body(sender)),
+            Topic(f"{v2v}/complete", VECTOR, _body(self._index)),
+        )
 
 
 def _body(index: int) -> str:
@@ -93,13 +110,16 @@ class Role(NamedTuple):
         "pose", "twist", "accel" or "received".
     vehicle : int
         Its index, 0 for the leader unless it leads a chained run.
+    sender : int
+        Index of the vehicle that it is received from; -1 where nothing is received.
     """
 
     quantity: str
     vehicle: int
+    sender: int = -1
 
 
-_QUANTITIES = {"pose": "pose", "twist": "twist", "accel": "accel", "v2v/accel": "received"}
+_RECEIVED = re.compile(r"v2v/(?:from_(?P<sender>0|[1-9]\d{0,8})/)?accel")
 
 
 def role_of(topic: str) -> tuple[str, Role] | None:
@@ -108,13 +128,18 @@ def role_of(topic: str) -> tuple[str, Role] | None:
     Examples
     --------
     >>> role_of("/platoon/vehicle_3/v2v/accel")
-    ('/platoon', Role(quantity='received', vehicle=3))
+    ('/platoon', Role(quantity='received', vehicle=3, sender=2))
     """
     found = split_vehicle(topic)
-    if found is None or found[2] not in _QUANTITIES:
+    if found is None:
         return None
     prefix, index, rest = found
-    return prefix, Role(_QUANTITIES[rest], index)
+    if rest in ("pose", "twist", "accel"):
+        return prefix, Role(rest, index)
+    received = _RECEIVED.fullmatch(rest)
+    if received is None:
+        return None
+    return prefix, Role("received", index, int(received["sender"] or index - 1))
 
 
 class NodeTopics(NamedTuple):
@@ -172,6 +197,20 @@ class Graph:
         return {index: VehicleTopics(self.prefix, index) for index in indices}
 
     @cached_property
+    def links(self) -> Mapping[Link, LinkTopics]:
+        """The topics of every link, in the order of the topology."""
+        return {
+            link: self.vehicles[link.receiver].link(link.sender) for link in self.topology.links
+        }
+
+    @cached_property
+    def counted_links(self) -> Mapping[Link, LinkTopics]:
+        """The topics of the links whose relay counts its messages."""
+        return {
+            link: topics for link, topics in self.links.items() if link.receiver in self.counted
+        }
+
+    @cached_property
     def platoon(self) -> PlatoonTopics:
         """The topics of the platoon as a whole."""
         return PlatoonTopics(self.prefix)
@@ -193,8 +232,8 @@ class Graph:
         for index, vehicle in self.vehicles.items():
             for quantity, topic in zip(("pose", "twist", "accel"), vehicle.motion, strict=True):
                 roles[Role(quantity, index)] = topic
-            if index in self.topology.followers:
-                roles[Role("received", index)] = vehicle.received
+            for link in self._links_to(index):
+                roles[Role("received", index, link.sender)] = self.links[link].accel
         return roles
 
     @property
@@ -211,14 +250,20 @@ class Graph:
         own, ahead = self.vehicles[index], self.vehicles[index - 1]
         asked = ((self.command, own.command), (self.spacing_error, own.spacing_error))
         publishes = (*own.motion, *(topic for wanted, topic in asked if wanted))
-        counts = (own.complete,) if index in self.counted else ()
-        return NodeTopics(publishes, (ahead.pose, ahead.twist, own.received, *counts))
+        return NodeTopics(publishes, (ahead.pose, ahead.twist, *self._received(index)))
 
     def _relay(self, index: int) -> NodeTopics:
-        own = self.vehicles[index]
-        counts = (own.complete,) if index in self.counted else ()
-        senders = (self.vehicles[link.sender].accel for link in self.topology.links_to(index))
-        return NodeTopics((own.received, *counts), tuple(senders))
+        senders = (self.vehicles[link.sender].accel for link in self._links_to(index))
+        return NodeTopics(self._received(index), tuple(senders))
+
+    def _links_to(self, index: int) -> tuple[Link, ...]:
+        return self.topology.links_to(index) if index in self.topology.followers else ()
+
+    def _received(self, index: int) -> tuple[Topic, ...]:
+        """Return what the relay of a follower publishes."""
+        counts = index in self.counted
+        topics = (self.links[link] for link in self._links_to(index))
+        return tuple(topic for link in topics for topic in (link if counts else link[:1]))
 
 
 OUTSIDE_LAG = 500

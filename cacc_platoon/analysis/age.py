@@ -20,10 +20,10 @@ class LinkReception(NamedTuple):
 
     Attributes
     ----------
-    follower : int
-        The receiver's index.
+    sender, follower : int
+        Index of the sender, and of the receiver.
     sent, arrived : int
-        Packets sent by its predecessor, and those that arrived by the end of the run.
+        Packets sent, and those that arrived by the end of the run.
     loss : float
         Share that did not arrive.
     loss_probability : float
@@ -33,6 +33,7 @@ class LinkReception(NamedTuple):
         samples from the first arrival on; NaN when nothing ever arrived.
     """
 
+    sender: int
     follower: int
     sent: int
     arrived: int
@@ -50,7 +51,7 @@ class LinkReception(NamedTuple):
 
 
 def link_reception(run: Trajectory) -> list[LinkReception]:
-    """Return what arrived over every link, followers 1..N.
+    """Return what arrived over every link, in the order of the topology.
 
     Examples
     --------
@@ -60,7 +61,7 @@ def link_reception(run: Trajectory) -> list[LinkReception]:
     >>> link.loss, link.age_max
     (0.0, 0.0)
     """
-    return [_link(run, follower, column) for column, follower in enumerate(run.scenario.followers)]
+    return [_link(run, follower, column) for column, follower in enumerate(run.scenario.receivers)]
 
 
 def information_age(arrivals: Arrivals, samples: int) -> Array:
@@ -71,7 +72,7 @@ def information_age(arrivals: Arrivals, samples: int) -> Array:
     return np.where(newest >= 0, np.arange(samples) - newest, np.nan)
 
 
-def _link(run: Trajectory, follower: Follower, column: int) -> LinkReception:
+def _link(run: Trajectory, receiver: Follower, column: int) -> LinkReception:
     samples = len(run.received)
     if run.arrivals is None:
         there = np.isfinite(run.received[:, column])
@@ -84,11 +85,11 @@ def _link(run: Trajectory, follower: Follower, column: int) -> LinkReception:
     median, p99, largest = np.quantile(known, (0.5, 0.99, 1.0)) if known.size else [math.nan] * 3
     arrived = len(arrivals.source)
     return LinkReception(
-        follower.index,
+        *receiver.link,
         samples,
         arrived,
         1.0 - arrived / samples if samples else math.nan,
-        follower.v2v.loss,
+        receiver.v2v.loss,
         float(median),
         float(p99),
         float(largest),

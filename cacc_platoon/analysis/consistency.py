@@ -47,6 +47,7 @@ def check_consistency(run: Trajectory) -> Consistency:
     plant = ThirdOrderPlant(np.array([follower.tau for follower in followers]), scenario.run.step)
     gains = Gains(*np.array([follower.gains for follower in followers]).T)
     law = ConstantTimeHeadway(gains, scenario.platoon.standstill_distance)
+    nearest = [own.start for own in scenario.topology.columns]
     own = State(*(part[:-1, 1:] for part in (run.position, run.velocity, run.acceleration)))
     with np.errstate(invalid="ignore", over="ignore"):
         command = law.command(
@@ -54,7 +55,7 @@ def check_consistency(run: Trajectory) -> Consistency:
             own.velocity,
             run.position[:-1, :-1],
             run.velocity[:-1, :-1],
-            run.received[:-1],
+            run.received[:-1, nearest],
         )
         due = plant.advance(own, command)
         recorded = (part[1:, 1:] for part in (run.position, run.velocity, run.acceleration))

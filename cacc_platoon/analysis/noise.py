@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cacc_platoon.model import expected_factor, factor_variance
+from cacc_platoon.scenario import Follower
 from cacc_platoon.simulation import Trajectory
 from cacc_platoon.simulation.trajectory import Array
 
@@ -26,10 +27,10 @@ class LinkNoise(NamedTuple):
 
     Attributes
     ----------
-    follower : int
-        Index of the receiver.
+    sender, follower : int
+        Index of the sender, and of the receiver.
     samples : int
-        Samples at which the predecessor accelerated, so that w can be determined.
+        Samples at which the sender accelerated, so that w can be determined.
     mean, variance, low, high : float
         Of w over them; NaN when there are none.
     expected_mean, expected_variance : float
@@ -42,6 +43,7 @@ class LinkNoise(NamedTuple):
         Samples at which it did.
     """
 
+    sender: int
     follower: int
     samples: int
     mean: float
@@ -56,7 +58,7 @@ class LinkNoise(NamedTuple):
 
 
 def noise_factor(run: Trajectory) -> Array:
-    """Return w = received / a_{i-1} of every link, NaN where a_{i-1} is zero, shape (samples, N).
+    """Return w = received / sent of every link, NaN where a_j is zero, shape (samples, L).
 
     Examples
     --------
@@ -66,7 +68,7 @@ def noise_factor(run: Trajectory) -> Array:
     >>> np.unique(noise_factor(run)[1050]).tolist()
     [1.0]
     """
-    sent = run.acceleration[:, :-1]
+    sent = run.sent
     loud = np.abs(sent) > SILENCE
     factor = np.full(sent.shape, np.nan)
     np.divide(run.arrived, sent, out=factor, where=loud)
@@ -74,20 +76,21 @@ def noise_factor(run: Trajectory) -> Array:
 
 
 def link_noise(run: Trajectory) -> list[LinkNoise]:
-    """Return the realised noise of every link, followers 1..N.
+    """Return the realised noise of every link, in the order of the topology.
 
-    Where the predecessor's acceleration is zero, the received one must be zero too; anything else
+    Where the sender's acceleration is zero, the received one must be zero too; anything else
     breaks the multiplicative model and counts as a breach.
     """
     factors = noise_factor(run)
-    return [_link(run, factors[:, i], i) for i in range(factors.shape[1])]
+    columns = zip(run.scenario.receivers, factors.T, run.sent.T, run.arrived.T, strict=True)
+    return [_link(run.time, *column) for column in columns]
 
 
-def _link(run: Trajectory, factor: Array, column: int) -> LinkNoise:
-    follower = run.scenario.followers[column]
-    v2v = follower.v2v
+def _link(
+    time: Array, receiver: Follower, factor: Array, sent: Array, received: Array
+) -> LinkNoise:
+    v2v = receiver.v2v
     values = factor[np.isfinite(factor)]
-    sent, received = run.acceleration[:, column], run.arrived[:, column]
     slack = BREACH_SLACK
     outside = (factor < 1.0 - 1.0 / v2v.rho - slack) | (factor > 1.0 + 1.0 / v2v.rho + slack)
     outside |= (sent == 0.0) & np.isfinite(received) & (received != 0.0)
@@ -95,7 +98,7 @@ def _link(run: Trajectory, factor: Array, column: int) -> LinkNoise:
     mean, variance = _theory(v2v.noise, v2v.rho, v2v.bit_probabilities)
     largest = float(np.abs(values - 1.0).max()) if values.size else math.nan
     return LinkNoise(
-        follower.index,
+        *receiver.link,
         int(values.size),
         float(values.mean()) if values.size else math.nan,
         float(values.var()) if values.size else math.nan,
@@ -104,7 +107,7 @@ def _link(run: Trajectory, factor: Array, column: int) -> LinkNoise:
         mean,
         variance,
         _snr_db(largest),
-        float(run.time[breaches[0]]) if breaches.size else math.nan,
+        float(time[breaches[0]]) if breaches.size else math.nan,
         int(breaches.size),
     )
 

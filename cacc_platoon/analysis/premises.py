@@ -19,13 +19,13 @@ def broken_premises(
     return [
         *_own_code(scenario),
         *_noise_out_of_range(noise),
-        *_unexplained_loss(reception),
+        *_unexplained_loss(scenario, reception),
         *_departures(consistency),
     ]
 
 
 def _own_code(scenario: Scenario) -> list[str]:
-    """Name channels and laws of the user's own, of which nothing is proven."""
+    """Name custom channels and laws, of which nothing is proven."""
     channels = sorted({f.v2v.channel for f in scenario.followers if f.v2v.channel})
     laws = sorted({name for f in scenario.followers if (name := _other_law(f))})
     return [
@@ -50,19 +50,21 @@ def _noise_out_of_range(noise: list[LinkNoise]) -> list[str]:
     samples = sum(link.breaches for link in broken)
     return [
         f"the channel left 1 - 1/rho <= w <= 1 + 1/rho on {len(broken)} of {len(noise)} links "
-        f"({samples} samples), first on link {first.follower - 1} -> {first.follower} at "
+        f"({samples} samples), first on link {first.sender} -> {first.follower} at "
         f"{first.first_breach:g} s"
     ]
 
 
-def _unexplained_loss(reception: list[LinkReception]) -> list[str]:
-    broken = [link for link in reception if link.loses_too_much]
+def _unexplained_loss(scenario: Scenario, reception: list[LinkReception]) -> list[str]:
+    """Name links that lost more than v2v.loss says; a custom channel has reasons of its own."""
+    custom = {follower.index for follower in scenario.followers if follower.v2v.channel}
+    broken = [link for link in reception if link.loses_too_much and link.follower not in custom]
     if not broken:
         return []
     worst = max(broken, key=lambda link: link.loss - link.loss_probability)
     return [
         f"{len(broken)} of {len(reception)} links lost more packets than v2v.loss explains, most "
-        f"on link {worst.follower - 1} -> {worst.follower}: {100 * worst.loss:.3g} % at a "
+        f"on link {worst.sender} -> {worst.follower}: {100 * worst.loss:.3g} % at a "
         f"probability of {100 * worst.loss_probability:.3g} %"
     ]
 

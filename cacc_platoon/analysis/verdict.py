@@ -17,7 +17,7 @@ from cacc_platoon.scenario import Follower, Scenario
 from cacc_platoon.theory import (
     Certificate,
     Failure,
-    Link,
+    Hop,
     certify,
     certify_chain,
     explain_failure,
@@ -217,11 +217,11 @@ def judge(
     >>> judge(Scenario.from_values({"controller.time_headway": 0.65})).string_stable
     False
     """
-    means = {link.follower: link.mean for link in noise or []}
+    means = {(link.sender, link.follower): link.mean for link in noise or []}
     seen: dict[object, FollowerVerdict] = {}
     verdicts = []
     for follower in scenario.followers:
-        mean = means.get(follower.index, math.nan)
+        mean = means.get(follower.link, math.nan)
         key = (follower.gains, follower.tau_max, follower.v2v.rho, *_reception(follower))
         if key not in seen:
             seen[key] = _judge_follower(follower, scenario.run.step)
@@ -320,7 +320,7 @@ def _realised(verdict: FollowerVerdict, follower: Follower, mean: float) -> Foll
 
 def _end_to_end(scenario: Scenario, verdicts: list[FollowerVerdict]) -> float:
     links = [
-        Link(follower.gains, follower.tau, verdict.realised_k)
+        Hop(follower.gains, follower.tau, verdict.realised_k)
         for follower, verdict in zip(scenario.followers, verdicts, strict=True)
     ]
     if not all(math.isfinite(link.k_effective) for link in links):

@@ -82,6 +82,8 @@ def run(options: argparse.Namespace) -> int:
         )
     if given is None:
         _refuse_own_code(record)
+    else:
+        given.check_own_code()
     scenario = changed_scenario(record, options.set) if options.set else record.scenario
     require_ros("replay", "platoon simulate runs a scenario")
     if options.verbose:

@@ -71,7 +71,7 @@ def simulate_run(scenario: Scenario, path: Path, progress: ProgressLine | None =
     begun = time.monotonic()
     try:
         trajectory = simulate(scenario, progress=_named("simulating", progress))
-    except UserError:  # of a channel or law of the user's own: nothing was recorded
+    except BaseException:  # nothing was recorded, whatever it was
         shutil.rmtree(path)
         raise
     wall = time.monotonic() - begun

@@ -73,7 +73,7 @@ def _plot_limits(axes: Axes, x: Array, sent: Array, rho: float) -> None:
 
 def _dots(run: Trajectory, column: int) -> tuple[Array, Array]:
     """Return sent and received accelerations at some of the samples that carry a signal."""
-    sent, received = run.acceleration[:, column], run.received[:, column]
+    sent, received = run.sent[:, column], run.received[:, column]
     rows = np.flatnonzero((sent != 0.0) & np.isfinite(sent) & np.isfinite(received))
     rows = rows[:: max(1, len(rows) // _DOTS)]
     return sent[rows], received[rows]

@@ -7,7 +7,10 @@ import numpy as np
 from cacc_platoon.analysis.age import information_age
 from cacc_platoon.analysis.noise import LinkNoise, noise_factor
 from cacc_platoon.figures.style import BLUE, GREY, ORANGE, RED, Axes, reduce
+from cacc_platoon.model import Link
 from cacc_platoon.simulation import Trajectory
+
+_BESIDE = 0.2
 
 
 def plot_noise(noise: Axes, signal: Axes, run: Trajectory, follower: int) -> None:
@@ -23,7 +26,7 @@ def plot_noise(noise: Axes, signal: Axes, run: Trajectory, follower: int) -> Non
         The receiver; the sender is the vehicle before it.
     """
     rho = run.scenario.follower(follower).v2v.rho
-    column = run.scenario.indices.index(follower)
+    column = run.scenario.topology.links.index(Link(follower - 1, follower))
     factor = noise_factor(run)[:, column]
     noise.plot(*reduce(run.time, factor), color=BLUE, linewidth=0.4)
     for limit in (1.0 - 1.0 / rho, 1.0 + 1.0 / rho):
@@ -32,7 +35,7 @@ def plot_noise(noise: Axes, signal: Axes, run: Trajectory, follower: int) -> Non
     noise.set_title(f"link {follower - 1} to {follower}; dashed: 1 - 1/rho and 1 + 1/rho")
     received = reduce(run.time, run.received[:, column])
     signal.plot(*received, color=ORANGE, linewidth=0.6, label=f"received by vehicle {follower}")
-    sent = reduce(run.time, run.acceleration[:, column])
+    sent = reduce(run.time, run.sent[:, column])
     signal.plot(*sent, color=BLUE, linewidth=1.2, label=f"sent by vehicle {follower - 1}")
     signal.set_xlabel("time [s]")
     signal.set_ylabel("acceleration [m/s$^2$]")
@@ -42,17 +45,20 @@ def plot_noise(noise: Axes, signal: Axes, run: Trajectory, follower: int) -> Non
 def plot_age(axes: Axes, run: Trajectory, follower: int) -> None:
     """Draw the age of information of one link over time [s]; `run` has arrivals."""
     assert run.arrivals is not None
-    column, step = run.scenario.indices.index(follower), run.scenario.run.step
-    age = information_age(run.arrivals[column], len(run.time)) * step
+    column = run.scenario.topology.links.index(Link(follower - 1, follower))
+    age = information_age(run.arrivals[column], len(run.time)) * run.scenario.run.step
     axes.plot(*reduce(run.time, age), color=BLUE, linewidth=0.6)
     axes.set_xlabel("time [s]")
     axes.set_ylabel("age of information [s]")
 
 
 def plot_link_noise(axes: Axes, links: list[LinkNoise]) -> None:
-    """Draw the realised mean and range of w on every link beside what the parameters say."""
+    """Draw the realised mean and range of w on every link beside what the parameters say.
+
+    Links from further vehicles are drawn to the right of that from the predecessor.
+    """
     used = [link for link in links if link.samples]
-    index = [link.follower for link in used]
+    index = [link.follower + _BESIDE * (link.follower - link.sender - 1) for link in used]
     mean = np.array([link.mean for link in used])
     low = np.array([link.low for link in used])
     high = np.array([link.high for link in used])

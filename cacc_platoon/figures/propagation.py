@@ -13,7 +13,7 @@ def plot_peaks(
     axes: Axes, measured: Metrics, expected: Metrics, ensemble: Ensemble | None = None
 ) -> None:
     """Draw max|delta_i| over the vehicles: the run, its expectation, and many noisy runs."""
-    index = np.array([link.follower for link in measured.noise])
+    index = np.unique([link.follower for link in measured.noise])
     if ensemble is not None:
         peaks = ensemble.max_abs_spacing_error
         label = f"{ensemble.runs} noisy runs, smallest to largest"

@@ -29,7 +29,12 @@ class Gains(NamedTuple):
 
 
 class ControlLaw(Protocol):
-    """What a follower computes once per sample; replace it to test a controller of your own."""
+    """What a follower computes once per sample; replace it to test a controller of your own.
+
+    Where a follower receives from several vehicles ahead, `command` is called with one received
+    acceleration of each, the nearest first, and vehicles near the leader with fewer: such a law
+    takes `*received_accelerations`.
+    """
 
     def command(
         self,

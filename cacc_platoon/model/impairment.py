@@ -7,7 +7,7 @@ packets, keyed by seed, link and p, so that any slice of packets equals that sli
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple, Protocol, TypeAlias
+from typing import Any, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -81,7 +81,10 @@ class Delivery(NamedTuple):
 
 
 class Channel(Protocol):
-    """One V2V link; replace it to study another one."""
+    """One V2V link; replace it to study another one.
+
+    It is asked for the samples of the run alone, block after block, and may be asked again.
+    """
 
     @property
     def prompt(self) -> bool:
@@ -102,6 +105,33 @@ class ChannelError(UserError):
     """A channel that does not keep what it says of itself."""
 
 
+class Promise(NamedTuple):
+    """What a channel says of itself; see `Channel`."""
+
+    prompt: bool
+    longest_delay: int
+
+
+def promise_of(channel: Channel) -> Promise:
+    """Return what a channel, which may be anybody's, says of itself.
+
+    Raises
+    ------
+    ChannelError
+        When `prompt` is no truth value or `longest_delay` no whole number >= 0.
+    """
+    try:
+        prompt, longest = channel.prompt, channel.longest_delay
+    except (Exception, SystemExit) as error:  # a custom channel may fail in any way
+        raise _raised(error) from error
+    if not isinstance(prompt, bool | np.bool_):
+        raise ChannelError(f"its prompt is {prompt!r}, neither True nor False")
+    whole = isinstance(longest, int | np.integer) and not isinstance(longest, bool)
+    if not whole or longest < 0:
+        raise ChannelError(f"its longest_delay is {longest!r}, no whole number >= 0")
+    return Promise(bool(prompt), int(longest))
+
+
 def checked_delivery(channel: Channel, start: int, stop: int) -> Delivery:
     """Return the packets delivered at the samples start..stop-1 of a channel that may be anybody's.
 
@@ -109,35 +139,56 @@ def checked_delivery(channel: Channel, start: int, stop: int) -> Delivery:
     ------
     ChannelError
         When a packet is delivered outside of them, before it was sent, later than
-        `longest_delay` or out of order, or when a prompt channel loses one.
+        `longest_delay` or out of order, when a factor is not finite, or when a prompt channel
+        loses a packet.
     """
+    prompt, longest_delay = promise_of(channel)
     try:
-        given = channel.delivery(start, stop)
-        source, sample = (np.asarray(part, np.int64) for part in given[:2])
-        factor: Floats = np.asarray(given[2], np.float64)
-    except Exception as error:  # a channel of the user's own may fail in any way
-        raise ChannelError(
-            f"it raised {type(error).__name__}: {' '.join(str(error).split())}"
-        ) from error
-    if not len(source) == len(sample) == len(factor):
-        raise ChannelError("source, sample and factor of its delivery differ in length")
+        parts = [np.asarray(part) for part in channel.delivery(start, stop)]
+    except (Exception, SystemExit) as error:  # a custom channel may fail in any way
+        raise _raised(error) from error
+    source, sample, factor = _arrays(parts)
+    asked = f"samples {start} to {stop - 1}"
     late = sample - source
     wrong = (sample < start) | (sample >= stop) | (source < 0)
-    wrong |= (late < 0) | (late > channel.longest_delay)
+    wrong |= (late < 0) | (late > longest_delay)
     if wrong.any():
         row = int(np.flatnonzero(wrong)[0])
         raise ChannelError(
-            f"it delivers the packet of sample {source[row]} at sample {sample[row]} where samples "
-            f"{start} to {stop - 1} were asked for and longest_delay is {channel.longest_delay}"
+            f"it delivers the packet of sample {source[row]} at sample {sample[row]} where "
+            f"{asked} were asked for and longest_delay is {longest_delay}"
         )
     if (np.diff(sample) < 0).any():
-        raise ChannelError(f"its deliveries of samples {start} to {stop - 1} are out of order")
-    if channel.prompt and not np.array_equal(source, np.arange(start, stop)):
+        raise ChannelError(f"its deliveries of {asked} are out of order")
+    if prompt and not np.array_equal(source, np.arange(start, stop)):
         raise ChannelError(
-            f"it says that it is prompt and delivers {len(source)} packets at samples {start} to "
-            f"{stop - 1}"
+            f"it says that it is prompt and delivers {len(source)} packets at {asked}"
         )
+    if not np.isfinite(factor).all():
+        row = int(np.flatnonzero(~np.isfinite(factor))[0])
+        raise ChannelError(f"its factor of the packet of sample {source[row]} is {factor[row]}")
     return Delivery(source, sample, factor)
+
+
+def _arrays(parts: Sequence[npt.NDArray[Any]]) -> Delivery:
+    """Return source, sample and factor of a delivery as arrays of their types."""
+    if len(parts) != len(Delivery._fields):
+        raise ChannelError("its delivery is not source, sample and factor")
+    for part, name, kinds in zip(parts, Delivery._fields, ("iu", "iu", "iuf"), strict=True):
+        if part.ndim != 1 or (part.size and part.dtype.kind not in kinds):
+            numbers = "whole numbers" if kinds == "iu" else "numbers"
+            raise ChannelError(
+                f"{name} of its delivery is {part.dtype} of shape {part.shape}, not a list of "
+                f"{numbers}"
+            )
+    source, sample, factor = parts
+    if not len(source) == len(sample) == len(factor):
+        raise ChannelError("source, sample and factor of its delivery differ in length")
+    return Delivery(source.astype(np.int64), sample.astype(np.int64), factor.astype(np.float64))
+
+
+def _raised(error: BaseException) -> ChannelError:
+    return ChannelError(f"it raised {type(error).__name__}: {' '.join(str(error).split())}")
 
 
 class ContentNoise:
@@ -229,14 +280,21 @@ class ComposedChannel:
 class DeliveryStream:
     """Sample-by-sample access to a channel, fetched a block at a time.
 
+    Parameters
+    ----------
+    channel : Channel
+        The channel.
+    samples : int
+        Number of samples of the run.
+
     Examples
     --------
-    >>> DeliveryStream(ComposedChannel([])).at(7)
+    >>> DeliveryStream(ComposedChannel([]), samples=10).at(7)
     [(7, 1.0)]
     """
 
-    def __init__(self, channel: Channel) -> None:
-        self._channel = channel
+    def __init__(self, channel: Channel, samples: int) -> None:
+        self._channel, self._samples = channel, samples
         self._start, self._packets = 0, list[tuple[int, float]]()
         self._ends = list[int]()
 
@@ -249,7 +307,8 @@ class DeliveryStream:
         return self._packets[self._ends[offset] : self._ends[offset + 1]]
 
     def _fetch(self, start: int) -> None:
-        source, sample, factor = checked_delivery(self._channel, start, start + BLOCK)
+        stop = min(start + BLOCK, self._samples)
+        source, sample, factor = checked_delivery(self._channel, start, stop)
         self._start = start
         self._packets = list(zip(source.tolist(), factor.tolist(), strict=True))
-        self._ends = np.searchsorted(sample, np.arange(start, start + BLOCK + 1)).tolist()
+        self._ends = np.searchsorted(sample, np.arange(start, stop + 1)).tolist()

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from itertools import accumulate, pairwise
 from typing import NamedTuple
+
+FURTHER = 2**16
+"""Between the keys of links to one receiver: more than any index, so that no two are equal."""
 
 
 class Link(NamedTuple):
@@ -10,6 +14,11 @@ class Link(NamedTuple):
 
     sender: int
     receiver: int
+
+    @property
+    def key(self) -> int:
+        """The number by which its random streams are keyed: the receiver's, where it is nearest."""
+        return self.receiver + (self.receiver - self.sender - 1) * FURTHER
 
 
 class Topology(NamedTuple):
@@ -38,5 +47,16 @@ class Topology(NamedTuple):
 
     @property
     def links(self) -> tuple[Link, ...]:
-        """All links, from front to rear."""
+        """All links, from front to rear, those to one follower from the nearest sender on."""
         return tuple(link for receiver in self.followers for link in self.links_to(receiver))
+
+    @property
+    def senders(self) -> list[int]:
+        """The column of every link's sender among the vehicles, the leader's being 0."""
+        return [link.sender - self.followers.start + 1 for link in self.links]
+
+    @property
+    def columns(self) -> list[slice]:
+        """Where the links to each follower are among all links."""
+        ends = list(accumulate((len(self.links_to(i)) for i in self.followers), initial=0))
+        return [slice(start, stop) for start, stop in pairwise(ends)]

@@ -1,4 +1,4 @@
-"""The V2V link to one follower: delivers its predecessor's acceleration as the channel says."""
+"""The V2V links to one follower: deliver its predecessors' accelerations as channels say."""
 
 from __future__ import annotations
 
@@ -7,15 +7,16 @@ from collections.abc import Callable
 from cacc_platoon.model import Channel
 from cacc_platoon.nodes.node import PlatoonNode
 from cacc_platoon.scenario import Follower, Scenario
+from msg_adapters.topics import VehicleTopics
 
 
 class NoiseRelayNode(PlatoonNode):
-    """The noise relay of one link, in the receiver's namespace; see `PlatoonNode`.
+    """The noise relay of one follower, in its namespace; see `PlatoonNode`.
 
     Parameters
     ----------
     channel : callable, optional
-        Makes another channel from the follower's parameters.
+        Makes another channel from the follower's parameters, one for each of its links.
     """
 
     def __init__(
@@ -26,10 +27,13 @@ class NoiseRelayNode(PlatoonNode):
     ) -> None:
         super().__init__("noise_relay", ("platoon", "v2v", "run"), scenario, index)
         follower = self.scenario.follower(self.index)
-        stepper = self.steppers.relay(
-            follower,
-            self.create_stream(self.topics.received),
-            self.create_stream(self.topics.complete) if follower.counted else None,
-            channel=channel(follower) if channel else None,
-        )
-        self.follow_stream(self.predecessor.accel, stepper.take)
+        for link in self.scenario.topology.links_to(self.index):
+            topics, receiver = self.topics.link(link.sender), follower.on(link)
+            stepper = self.steppers.relay(
+                receiver,
+                self.create_stream(topics.accel),
+                self.create_stream(topics.complete) if follower.counted else None,
+                channel=channel(receiver) if channel else None,
+            )
+            sender = VehicleTopics(self.scenario.platoon.namespace, link.sender)
+            self.follow_stream(sender.accel, stepper.take)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 from cacc_platoon.model import ControlLaw, State
 from cacc_platoon.nodes.node import PlatoonNode
@@ -49,6 +50,11 @@ class VehicleNode(PlatoonNode):
         )
         self.follow_stream(self.predecessor.pose, stepper.take_position)
         self.follow_stream(self.predecessor.twist, stepper.take_velocity)
-        self.follow_stream(self.topics.received, stepper.take_acceleration)
-        if follower.counted:
-            self.follow_stream(self.topics.complete, stepper.take_count)
+        for number, link in enumerate(self.scenario.topology.links_to(self.index)):
+            topics = self.topics.link(link.sender)
+            take, count = stepper.take_acceleration, stepper.take_count
+            if number:
+                take, count = partial(take, link=number), partial(count, link=number)
+            self.follow_stream(topics.accel, take)
+            if follower.counted:
+                self.follow_stream(topics.complete, count)

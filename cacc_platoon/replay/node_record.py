@@ -172,19 +172,20 @@ class _Streams:
     """Reads the topics of one node from a bag."""
 
     def __init__(self, raw: RawBag, graph: Graph, node: str, step: int) -> None:
-        self._raw, self._graph, self._node, self._step = raw, graph, node, step
+        self._raw, self._node, self._step = raw, node, step
+        self._complete = dict(graph.counted_links.values())
 
     def stream(self, topic: Topic, index: int) -> Stream:
         """Return the messages of a topic that vehicle `index` publishes or subscribes to."""
-        vehicle = self._graph.vehicles[index]
-        if index not in self._graph.counted or topic != vehicle.received:
+        complete = self._complete.get(topic)
+        if complete is None:
             return self._gridded(topic)
-        counts = self._gridded(vehicle.complete)
-        if any(len(part.lengths) for part in self._raw.topics.get(topic.name, [])):
-            rows = self._rows(topic, rows_in_order_of_recording)
-        else:  # everything was lost
+        counts = self._gridded(complete)
+        ends = complete.codec.values(counts.messages[: counts.unbroken]).astype(np.int64)
+        if ends[-1] == 0:  # everything was lost
             rows = np.empty((0, topic.codec.size), np.uint8)
-        ends = vehicle.complete.codec.values(counts.messages[: counts.unbroken]).astype(np.int64)
+        else:
+            rows = self._rows(topic, rows_in_order_of_recording)
         return Stream(topic, rows, ends[ends <= len(rows)])
 
     def _gridded(self, topic: Topic) -> Stream:

@@ -128,7 +128,7 @@ def _design_pictures(report: Report) -> Iterator[Picture]:
         return
     follower = report.run.trajectory.scenario.follower(weakest.follower)
     gains, rho, tau_max = follower.gains, follower.v2v.rho, follower.tau_max
-    place = report.run.trajectory.scenario.indices.index(weakest.follower)
+    place = report.run.trajectory.scenario.topology.links.index(follower.link)
     mean = report.measured.noise[place].expected_mean
     if weakest.internally_stable and gains.k_a > 0:
         band = response_band(gains, rho, tau_max, k_effective=gains.k_a * mean)

@@ -127,6 +127,7 @@ def _reception(links: list[LinkReception]) -> dict[str, Any]:
 
 def _link_reception(link: LinkReception) -> dict[str, Any]:
     return {
+        "sender": link.sender,
         "follower": link.follower,
         "sent": link.sent,
         "arrived": link.arrived,
@@ -162,6 +163,7 @@ def _noise(links: list[LinkNoise]) -> dict[str, Any]:
 
 def _link(link: LinkNoise) -> dict[str, Any]:
     return {
+        "sender": link.sender,
         "follower": link.follower,
         "samples": link.samples,
         "mean": link.mean,

@@ -109,7 +109,7 @@ def reception_table(document: dict[str, Any]) -> str:
 def _link_table(document: dict[str, Any], links: str, columns: Sequence[Column]) -> str:
     rows = []
     for number, link in enumerate(look_up(document, links)):
-        cells = [f"<td>{link['follower'] - 1} to {link['follower']}</td>"]
+        cells = [f"<td>{link['sender']} to {link['follower']}</td>"]
         cells += [cell(document, f"{links}.{number}.{c.key}", c.form) for c in columns]
         rows.append("".join(cells))
     return _table([_heading("link"), *(_heading(c.heading, c.unit) for c in columns)], rows)

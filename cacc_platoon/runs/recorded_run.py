@@ -14,7 +14,7 @@ from cacc_platoon.bags.digest import run_digest
 from cacc_platoon.bags.raw import BagError, Progress, one_line
 from cacc_platoon.bags.read import RawBag, read_bag
 from cacc_platoon.bags.rows import TopicRows
-from cacc_platoon.model import RecordedMotion
+from cacc_platoon.model import Link, RecordedMotion
 from cacc_platoon.runs.arrivals import counted_rows, prompt_arrivals, read_arrivals
 from cacc_platoon.runs.find_platoons import FoundPlatoon, find_platoons
 from cacc_platoon.runs.info import INFO_FILE, EndStatus, InfoError, RunInfo
@@ -276,11 +276,11 @@ def _columns(
     signals: Mapping[Role, Signal],
     grid: Grid,
     faults: list[Fault],
-    arrivals: Mapping[int, Arrivals],
+    arrivals: Mapping[Link, Arrivals],
 ) -> dict[Role, Floats]:
     columns: dict[Role, Floats] = {}
     for role in topics:
-        if role.quantity == "received" and role.vehicle in arrivals:
+        if Link(role.sender, role.vehicle) in arrivals:
             columns[role] = np.full(grid.samples, np.nan)
         elif role in signals:
             columns[role], found = sample(signals[role], grid)
@@ -291,18 +291,19 @@ def _columns(
 
 
 def _trajectory(
-    scenario: Scenario, columns: Mapping[Role, Floats], arrivals: Mapping[int, Arrivals]
+    scenario: Scenario, columns: Mapping[Role, Floats], arrivals: Mapping[Link, Arrivals]
 ) -> Trajectory:
     """Return the arrays; what a follower used of a channel that loses is worked out again."""
 
     def stack(quantity: str) -> Floats:
-        own = [columns[role] for role in sorted(columns) if role.quantity == quantity]
+        own = [columns[role] for role in columns if role.quantity == quantity]
         return np.stack(own, axis=1)
 
     received = stack("received")
-    for column, follower in enumerate(scenario.followers):
-        if follower.index in arrivals:
-            used = arrivals[follower.index].used(follower.reception(), len(received))
+    receivers = scenario.receivers
+    for column, receiver in enumerate(receivers):
+        if receiver.link in arrivals:
+            used = arrivals[receiver.link].used(receiver.reception(), len(received))
             received[:, column] = used
 
     states = (stack("pose"), stack("twist"), stack("accel"))
@@ -312,8 +313,8 @@ def _trajectory(
     links = None
     if arrivals:
         links = tuple(
-            arrivals.get(follower.index) or prompt_arrivals(received[:, column])
-            for column, follower in enumerate(scenario.followers)
+            arrivals.get(receiver.link) or prompt_arrivals(received[:, column])
+            for column, receiver in enumerate(receivers)
         )
     return Trajectory(scenario, *states, received, links)
 

@@ -6,9 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cacc_platoon.bags.rows import Recording, TopicRows
-from cacc_platoon.simulation import Arrivals, Trajectory
-from cacc_platoon.simulation.trajectory import Array
-from msg_adapters.topics import Graph, Topic, VehicleTopics
+from cacc_platoon.simulation import Trajectory
+from msg_adapters.topics import Graph, LinkTopics, Topic
 
 
 def recording_of(trajectory: Trajectory) -> dict[str, TopicRows]:
@@ -22,20 +21,21 @@ def recording_of(trajectory: Trajectory) -> dict[str, TopicRows]:
         records[topic.name] = TopicRows(topic.kind.type_name, messages)
 
     graph = Graph.of(scenario)
-    for column, (index, vehicle) in enumerate(graph.vehicles.items()):
+    for column, vehicle in enumerate(graph.vehicles.values()):
         add(vehicle.pose, trajectory.position[:, column])
         add(vehicle.twist, trajectory.velocity[:, column])
         add(vehicle.accel, trajectory.acceleration[:, column])
-        if column and trajectory.arrivals is None:
-            add(vehicle.received, trajectory.received[:, column - 1])
-        elif column and trajectory.arrivals is not None:
-            source, sample, value = trajectory.arrivals[column - 1]
-            topic = vehicle.received
-            messages = topic.codec.encode_many(source * scenario.step_ns, value)
-            delivered = sample * scenario.step_ns
-            records[topic.name] = TopicRows(topic.kind.type_name, messages, delivered)
-        if index in graph.counted:
-            add(vehicle.complete, np.searchsorted(sample, np.arange(len(stamps)), "right"))
+    for number, (link, topics) in enumerate(graph.links.items()):
+        if trajectory.arrivals is None:
+            add(topics.accel, trajectory.received[:, number])
+            continue
+        source, sample, value = trajectory.arrivals[number]
+        messages = topics.accel.codec.encode_many(source * scenario.step_ns, value)
+        records[topics.accel.name] = TopicRows(
+            topics.accel.kind.type_name, messages, sample * scenario.step_ns
+        )
+        if link in graph.counted_links:
+            add(topics.complete, np.searchsorted(sample, np.arange(len(stamps)), "right"))
     return records
 
 
@@ -43,43 +43,47 @@ def with_deliveries(recording: Recording, graph: Graph) -> dict[str, TopicRows]:
     """Return a recording in which counted messages know the samples they were delivered at.
 
     A message is delivered at the first sample by which its relay has counted it; messages that no
-    count covers, since the recording ends before, are left out.
+    count covers, since the recording ends before, are left out. Where counts do not fit the
+    messages, as in a recording that begins late, nothing is known of their delivery.
     """
     records = dict(recording)
-    for index in graph.counted:
-        vehicle = graph.vehicles[index]
-        received, counts = recording.get(vehicle.received.name), _counts(recording, vehicle)
+    for topics in graph.counted_links.values():
+        received, counts = recording.get(topics.accel.name), recording.get(topics.complete.name)
         if received is None or counts is None:
             continue
-        stamps = vehicle.complete.codec.stamps(recording[vehicle.complete.name].messages)
-        known = min(len(received.messages), int(counts[-1]) if len(counts) else 0)
-        delivered = stamps[np.searchsorted(counts, np.arange(1, known + 1))]
-        records[vehicle.received.name] = TopicRows(
-            received.type_name, received.messages[:known], delivered
-        )
+        delivered = _delivered(received, counts, topics)
+        if delivered is not None:
+            messages = received.messages[: len(delivered)]
+            records[topics.accel.name] = TopicRows(received.type_name, messages, delivered)
     return records
 
 
 def recorded_samples(recording: Recording, graph: Graph) -> dict[str, int]:
     """Return up to which sample each topic is complete, by the number of its samples."""
     samples = {name: len(record.messages) for name, record in recording.items()}
-    for index in graph.counted:
-        vehicle = graph.vehicles[index]
-        counts = _counts(recording, vehicle)
-        if counts is not None and vehicle.received.name in samples:
-            here = samples[vehicle.received.name]
-            samples[vehicle.received.name] = int((counts <= here).sum())
+    for topics in graph.counted_links.values():
+        counts = recording.get(topics.complete.name)
+        if counts is not None and topics.accel.name in samples:
+            published = topics.complete.codec.values(counts.messages)
+            here = samples[topics.accel.name]
+            samples[topics.accel.name] = int((published <= here).sum())
     return samples
 
 
-def _counts(recording: Recording, vehicle: VehicleTopics) -> Array | None:
-    """Return how many messages the relay had published by each sample."""
-    record = recording.get(vehicle.complete.name)
-    return None if record is None else vehicle.complete.codec.values(record.messages)
-
-
-def arrivals_of(received: TopicRows, topic: Topic, step_ns: int) -> Arrivals:
-    """Return what arrived at a follower; `received` as `with_deliveries` gives it."""
-    source = topic.codec.stamps(received.messages) // step_ns
-    sample = source if received.delivered is None else received.delivered // step_ns
-    return Arrivals(source, sample, topic.codec.values(received.messages))
+def _delivered(
+    received: TopicRows, counts: TopicRows, topics: LinkTopics
+) -> npt.NDArray[np.int64] | None:
+    """Return the stamps at which messages were delivered; None where counts do not fit them."""
+    published = topics.complete.codec.values(counts.messages)
+    stamps: npt.NDArray[np.int64] = topics.complete.codec.stamps(counts.messages)
+    if not len(stamps):
+        return stamps
+    steps = np.diff(stamps)
+    if stamps[0] != 0 or (steps != steps[:1]).any():
+        return None
+    if not np.isfinite(published).all() or (np.diff(published, prepend=0.0) < 0).any():
+        return None
+    known = int(min(len(received.messages), published[-1]))
+    delivered = stamps[np.searchsorted(published, np.arange(1, known + 1))]
+    sent = topics.accel.codec.stamps(received.messages[:known])
+    return None if (delivered < sent).any() else delivered

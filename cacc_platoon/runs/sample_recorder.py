@@ -82,11 +82,10 @@ class SampleRecorder:
         """Return the links that count their messages, by the names of both their topics."""
         links: dict[str, _CountedLink] = {}
         graph = Graph.of(scenario)
-        for index in graph.counted:
-            vehicle = graph.vehicles[index]
-            if vehicle.received.name in self.samples:
-                link = _CountedLink(vehicle.received.name, vehicle.complete, CountedDeliveries())
-                links[vehicle.received.name] = links[vehicle.complete.name] = link
+        for accel, complete in graph.counted_links.values():
+            if accel.name in self.samples:
+                link = _CountedLink(accel.name, complete, CountedDeliveries())
+                links[accel.name] = links[complete.name] = link
         return links
 
     def _as_it_comes(self, topic: Topic, link: _CountedLink) -> Callable[[bytes], None]:

@@ -155,6 +155,27 @@ def check_overrides(
         )
 
 
+def check_topology(platoon: Platoon, followers: Iterable[Follower], source: str) -> None:
+    """Refuse several predecessors where a law would ignore them or they are not in the run."""
+    predecessors = platoon.predecessors
+    if predecessors == 1:
+        return
+    if platoon.first_follower > 1:
+        raise TABLE["platoon.predecessors"].refusal(
+            predecessors,
+            source,
+            f"must be 1 where platoon.first_follower = {platoon.first_follower}: the vehicles "
+            "before the leader are not in the run",
+        )
+    for follower in followers:
+        if not follower.law_name:
+            raise TABLE["platoon.predecessors"].refusal(
+                predecessors,
+                source,
+                f"needs a controller.law that uses them, {vehicle_name(follower.index)} has none",
+            )
+
+
 def check_follower(follower: Follower, step: float, source: str) -> None:
     """Refuse parameters of one follower that are right alone and wrong together."""
     v2v = follower.v2v

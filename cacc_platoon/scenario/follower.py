@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from cacc_platoon.model import (
     BitNoise,
@@ -16,6 +16,7 @@ from cacc_platoon.model import (
     HoldReception,
     Impairment,
     IndependentLoss,
+    Link,
     Noise,
     Reception,
     ThirdOrderPlant,
@@ -28,9 +29,15 @@ from cacc_platoon.scenario.table import TABLE, V2V
 
 @dataclass(frozen=True)
 class Follower:
-    """One follower's own parameters, and the model objects made from them."""
+    """One follower's own parameters, and the model objects made from them.
 
-    index: int
+    Attributes
+    ----------
+    link : Link
+        The link that noise and channel are those of, from its predecessor unless `on` says.
+    """
+
+    link: Link
     tau: float
     tau_max: float
     gains: Gains
@@ -39,6 +46,15 @@ class Follower:
     seed: int
     hold_steps: int
     law_name: str = ""
+
+    @property
+    def index(self) -> int:
+        """Its index."""
+        return self.link.receiver
+
+    def on(self, link: Link) -> Follower:
+        """Return the same follower as the receiver of another of its links."""
+        return replace(self, link=link)
 
     def plant(self, step: float) -> ThirdOrderPlant:
         """Return the vehicle's dynamics at the control period `step` [s]."""
@@ -67,7 +83,7 @@ class Follower:
         match TABLE["v2v.noise"].check(v2v.noise if kind is None else kind, "noise"):
             case "bits":
                 return BitNoise(
-                    v2v.rho, v2v.bit_probabilities, self.seed, self.index, self.hold_steps
+                    v2v.rho, v2v.bit_probabilities, self.seed, self.link.key, self.hold_steps
                 )
             case "expected":
                 return ConstantNoise(expected_factor(v2v.rho, v2v.bit_probabilities))
@@ -77,7 +93,7 @@ class Follower:
                 raise ValueError(f"v2v.noise = {other} has no branch here")
 
     def channel(self, noise: str | None = None) -> Channel:
-        """Return the channel of the link from the predecessor; v2v.channel may name another one."""
+        """Return the channel of the link; v2v.channel may name another one."""
         if self.v2v.channel:
             members = ("prompt", "longest_delay", "delivery")
             made: Channel = make_plugin(self.v2v.channel, "v2v.channel", self, members)
@@ -87,7 +103,7 @@ class Follower:
     def _composed(self, noise: str | None = None) -> ComposedChannel:
         impairments: list[Impairment] = [ContentNoise(self.noise(noise))]
         if self.v2v.loss:
-            impairments.append(IndependentLoss(self.v2v.loss, self.seed, self.index))
+            impairments.append(IndependentLoss(self.v2v.loss, self.seed, self.link.key))
         return ComposedChannel(impairments)
 
     @property

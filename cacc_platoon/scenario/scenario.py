@@ -12,6 +12,7 @@ from cacc_platoon.errors import UserError
 from cacc_platoon.model import (
     Gains,
     LeaderProfile,
+    Link,
     PiecewiseConstantAcceleration,
     RecordedMotion,
     SinePulse,
@@ -26,11 +27,14 @@ from cacc_platoon.scenario.checks import (
     check_namespace,
     check_overrides,
     check_run,
+    check_topology,
     checked_values,
     with_leader_file,
 )
 from cacc_platoon.scenario.follower import Follower
 from cacc_platoon.scenario.names import NodeKind, NodeName, vehicle_index, vehicle_name
+from cacc_platoon.scenario.own_code import try_channel, try_law
+from cacc_platoon.scenario.parameter import ScenarioError
 from cacc_platoon.scenario.ros_sections import forget, replace
 from cacc_platoon.scenario.table import (
     FORMER_NAMES,
@@ -122,6 +126,7 @@ class Scenario:
         check_run(self.run, self.node_names, source)
         check_leader(self.platoon, self.leader, source)
         check_overrides(self.overrides, self.indices, self.vehicle, source)
+        check_topology(self.platoon, self.followers, source)
         for follower in self.followers:
             where = f"{vehicle_name(follower.index)}: " if follower.index in self.overrides else ""
             check_follower(follower, self.run.step, f"{source}: {where}".rstrip(": "))
@@ -150,8 +155,13 @@ class Scenario:
         overrides = {index: dict(own) for index, own in self.overrides.items()}
         leader = self.recorded_leader
         for given, new in values.items():
+            if not isinstance(given, str):
+                raise ScenarioError(
+                    f"{self.name}: {given!r} is no name of a parameter, the value would have no "
+                    "reader. Give names such as run.seed."
+                )
             name = FORMER_NAMES.get(given, given)
-            value = new.item() if hasattr(new, "item") else new  # numpy's numbers
+            value = new.tolist() if hasattr(new, "tolist") else new  # numpy's numbers, arrays
             if name == "leader.file":
                 leader, common["leader.times"], common["leader.speeds"] = None, (), ()
             vehicle, _, rest = name.partition(".")
@@ -162,6 +172,7 @@ class Scenario:
             replace(common, name, value)
             for own in overrides.values():
                 forget(own, name)
+        overrides = {index: own for index, own in overrides.items() if own}
         changed = Scenario.from_values(common, overrides, self.name)
         return dataclasses.replace(changed, name=self.name, recorded_leader=leader)
 
@@ -176,7 +187,7 @@ class Scenario:
         tau = picked["vehicle.tau"]
         v2v = V2V(**{f.name: picked[f"v2v.{f.name}"] for f in dataclasses.fields(V2V)})
         return Follower(
-            index,
+            Link(index - 1, index),
             tau[self.indices.index(index)] if isinstance(tau, tuple) else tau,
             picked["vehicle.tau_max"],
             Gains(*(picked[f"controller.{name}"] for name in Gains._fields)),
@@ -209,21 +220,35 @@ class Scenario:
         return [self.follower(index) for index in self.indices]
 
     def check_own_code(self) -> None:
-        """Make every channel and law of the user's own once, before anything starts.
+        """Make and try every custom channel and law once, before anything starts.
 
         Raises
         ------
-        ScenarioError
-            As from `make_plugin`.
+        UserError
+            When one cannot be made, as from `make_plugin`, or does not do what it must.
         """
+        topology, speed = self.topology, self.platoon.initial_speed
         for follower in self.followers:
-            follower.law()
-            follower.channel()
+            if follower.law_name:
+                try_law(follower, speed, len(topology.links_to(follower.index)))
+        for receiver in self.receivers:
+            if receiver.v2v.channel:
+                try_channel(receiver, self.samples)
 
     @property
     def topology(self) -> Topology:
         """Who receives from whom."""
-        return Topology(self.indices)
+        return Topology(self.indices, self.platoon.predecessors)
+
+    @property
+    def receivers(self) -> list[Follower]:
+        """The follower at the end of every link of the topology, in its order."""
+        topology = self.topology
+        return [
+            follower.on(link)
+            for follower in self.followers
+            for link in topology.links_to(follower.index)
+        ]
 
     @property
     def nodes(self) -> list[NodeName]:

@@ -29,6 +29,13 @@ class Platoon:
         at_least=1,
         at_most=500,
     )
+    predecessors: int = parameter(
+        1,
+        "-",
+        "how many vehicles ahead a follower receives from; more than one needs a controller.law",
+        at_least=1,
+        at_most=500,
+    )
     standstill_distance: float = parameter(5.0, "m", "the spacing d at rest", at_least=0.0)
     initial_speed: float = parameter(
         25.0, "m/s", "the speed in equilibrium at time 0", at_least=0.0

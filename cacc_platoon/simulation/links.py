@@ -8,7 +8,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from cacc_platoon.model import Channel, Delivery
-from cacc_platoon.model.impairment import ChannelError, Integers, checked_delivery
+from cacc_platoon.model.impairment import ChannelError, Integers, checked_delivery, promise_of
 from cacc_platoon.model.reception import picked
 from cacc_platoon.scenario import Follower, Scenario
 from cacc_platoon.simulation.trajectory import Array, Arrivals
@@ -17,10 +17,10 @@ ChannelFactory = Callable[[Follower], Channel]
 
 
 class Links(Protocol):
-    """The V2V links of runs that are integrated together."""
+    """The L V2V links of runs that are integrated together, in the order of the topology."""
 
     def received(self, sample: int, acceleration: Array) -> Array:
-        """Return what the followers use at a sample [m/s^2], shape (runs, N).
+        """Return what is used of every link at a sample [m/s^2], shape (runs, L).
 
         Parameters
         ----------
@@ -37,15 +37,18 @@ class PromptLinks(NamedTuple):
 
     Attributes
     ----------
-    factor : ndarray, shape (samples, runs, N)
+    senders : ndarray of int64, shape (L,)
+        Column of each link's sender.
+    factor : ndarray, shape (samples, runs, L)
         Noise factors w.
     """
 
+    senders: Integers
     factor: Array
 
     def received(self, sample: int, acceleration: Array) -> Array:
-        """Return w a_{i-1} of the sample."""
-        used: Array = self.factor[sample] * acceleration[sample, :, :-1]
+        """Return w a_j of the sample, j being the sender."""
+        used: Array = self.factor[sample] * acceleration[sample].take(self.senders, axis=-1)
         return used
 
 
@@ -54,20 +57,23 @@ class ImpairedLinks(NamedTuple):
 
     Attributes
     ----------
-    source : ndarray of int64, shape (samples, runs, N)
+    senders : ndarray of int64, shape (L,)
+        Column of each link's sender.
+    source : ndarray of int64, shape (samples, runs, L)
         Sample whose acceleration is used, -1 where the receiver uses 0.
-    factor : ndarray, shape (samples, runs, N)
+    factor : ndarray, shape (samples, runs, L)
         What multiplies it.
     """
 
+    senders: Integers
     source: Integers
     factor: Array
 
     def received(self, sample: int, acceleration: Array) -> Array:
         """Return the accelerations that the receivers use."""
         source = self.source[sample]
-        runs, links = np.indices(source.shape, sparse=True)
-        value = self.factor[sample] * acceleration[source, runs, links]
+        runs = np.arange(len(source))[:, np.newaxis]
+        value = self.factor[sample] * acceleration[source, runs, self.senders]
         return np.where(source >= 0, value, 0.0)
 
 
@@ -81,11 +87,13 @@ class MeanLinks:
 
     Parameters
     ----------
-    followers : sequence of Follower
-        The receivers; v2v.channel is left out, noise and loss count as v2v says.
+    scenario : Scenario
+        The run; v2v.channel is left out, noise and loss count as v2v says.
     """
 
-    def __init__(self, followers: Sequence[Follower]) -> None:
+    def __init__(self, scenario: Scenario) -> None:
+        followers = scenario.receivers
+        self._senders = np.array(scenario.topology.senders)
         arrives = np.array([1.0 - follower.v2v.loss for follower in followers])
         holds = np.array([follower.v2v.reception == "hold" for follower in followers])
         means = [mean_factor(follower) for follower in followers]
@@ -95,7 +103,7 @@ class MeanLinks:
 
     def received(self, sample: int, acceleration: Array) -> Array:
         """Return the mean accelerations that the receivers use."""
-        fresh = self._factor * acceleration[sample, :, :-1]
+        fresh = self._factor * acceleration[sample].take(self._senders, axis=-1)
         self._received = fresh + self._kept * self._received if self._kept.any() else fresh
         return self._received
 
@@ -138,7 +146,7 @@ def plan_link(follower: Follower, samples: int, channel: Channel) -> LinkPlan:
         raise ChannelError(
             f"the channel of vehicle {follower.index}: {error}. Correct it."
         ) from error
-    if channel.prompt:
+    if promise_of(channel).prompt:
         return LinkPlan(True, delivery, np.arange(samples))
     return LinkPlan(False, delivery, follower.reception().chosen(delivery, samples))
 
@@ -146,19 +154,20 @@ def plan_link(follower: Follower, samples: int, channel: Channel) -> LinkPlan:
 def plan_links(
     scenario: Scenario, noise: str | None = None, channel: ChannelFactory | None = None
 ) -> list[LinkPlan]:
-    """Return the plan of every link of a scenario, from front to rear."""
+    """Return the plan of every link of a scenario, in the order of its topology."""
     return [
         plan_link(
             follower, scenario.samples, channel(follower) if channel else follower.channel(noise)
         )
-        for follower in scenario.followers
+        for follower in scenario.receivers
     ]
 
 
-def links_of(runs: Sequence[Sequence[LinkPlan]]) -> Links:
-    """Return the links of several runs, to integrate them together."""
+def links_of(scenario: Scenario, runs: Sequence[Sequence[LinkPlan]]) -> Links:
+    """Return the links of several runs of one platoon, to integrate them together."""
+    senders = np.array(scenario.topology.senders)
     factor = np.stack([np.stack([plan.factor for plan in run], axis=1) for run in runs], axis=1)
     if all(plan.prompt for run in runs for plan in run):
-        return PromptLinks(factor)
+        return PromptLinks(senders, factor)
     source = np.stack([np.stack([plan.source for plan in run], axis=1) for run in runs], axis=1)
-    return ImpairedLinks(source, factor)
+    return ImpairedLinks(senders, source, factor)

@@ -70,7 +70,9 @@ def _spacing_errors(scenario: Scenario, seeds: range) -> Array:
     """Return the spacing errors of a batch, shape (samples, len(seeds), N)."""
     first = scenario.run.seed
     members = [scenario.with_values({"run.seed": first + offset}) for offset in seeds]
-    states = propagate(scenario, links_of([plan_links(one) for one in members]), runs=len(seeds))
+    states = propagate(
+        scenario, links_of(scenario, [plan_links(one) for one in members]), runs=len(seeds)
+    )
     position, velocity, acceleration = (part.reshape(-1, part.shape[-1]) for part in states)
     trajectory = Trajectory(scenario, position, velocity, acceleration, received=np.empty((0, 0)))
     return trajectory.spacing_error.reshape(-1, len(seeds), scenario.platoon.followers)

@@ -74,12 +74,13 @@ def simulate(
     345.0
     """
     plans = plan_links(scenario, noise, channel)
-    links = links_of([plans])
+    links = links_of(scenario, [plans])
     states = propagate(scenario, links, progress, law=law)
     position, velocity, acceleration = (np.ascontiguousarray(part[:, 0]) for part in states)
     arrivals = None
     if not isinstance(links, PromptLinks):
-        arrivals = tuple(plan.arrivals(acceleration[:, i]) for i, plan in enumerate(plans))
+        sent = zip(plans, scenario.topology.senders, strict=True)
+        arrivals = tuple(plan.arrivals(acceleration[:, sender]) for plan, sender in sent)
     return Trajectory(
         scenario, position, velocity, acceleration, _received(links, states[2])[:, 0], arrivals
     )
@@ -97,16 +98,16 @@ def simulate_mean(scenario: Scenario) -> Trajectory:
     >>> bool((run.position == mean.position).all())
     True
     """
-    links = MeanLinks(scenario.followers)
+    links = MeanLinks(scenario)
     states = propagate(scenario, links, law=Follower.spacing_policy)  # no code of the user's
     position, velocity, acceleration = (np.ascontiguousarray(part[:, 0]) for part in states)
-    received = _received(MeanLinks(scenario.followers), states[2])[:, 0]
+    received = _received(MeanLinks(scenario), states[2])[:, 0]
     return Trajectory(scenario, position, velocity, acceleration, received)
 
 
 @np.errstate(all="ignore")
 def _received(links: Links, acceleration: Array) -> Array:
-    """Return what the followers used at every sample, shape (samples, runs, N)."""
+    """Return what was used of every link at every sample, shape (samples, runs, L)."""
     return np.stack([links.received(k, acceleration) for k in range(len(acceleration))])
 
 
@@ -137,7 +138,7 @@ def propagate(
     """
     samples, followers = scenario.samples, scenario.followers
     plant = ThirdOrderPlant(np.array([follower.tau for follower in followers]), scenario.run.step)
-    command = _command(followers, law)
+    command = _command(scenario, law)
     history = np.empty((3, samples, runs, len(followers) + 1))
     history[:, :, :, 0] = sample_profile(scenario.leader_profile(), scenario.run.step, samples)[
         :, :, np.newaxis
@@ -163,17 +164,28 @@ def propagate(
     return history[0], history[1], history[2]
 
 
-def _command(followers: Sequence[Follower], law: LawFactory | None) -> Callable[..., Array]:
-    """Return the control laws of all followers as one function of arrays of shape (runs, N)."""
+def _command(scenario: Scenario, law: LawFactory | None) -> Callable[..., Array]:
+    """Return the control laws of all followers as one function of arrays.
+
+    It takes motion, shape (runs, N), and what is used of every link, shape (runs, L).
+    """
+    followers, links = scenario.followers, scenario.topology.columns
     laws = [law(follower) if law else follower.law() for follower in followers]
     if all(type(one) is ConstantTimeHeadway for one in laws):
         gains = Gains(*np.array([follower.gains for follower in followers]).T)
-        return ConstantTimeHeadway(gains, followers[0].standstill_distance).command
+        common = ConstantTimeHeadway(gains, followers[0].standstill_distance)
+        nearest = [own.start for own in links]
+
+        def common_command(x: Array, v: Array, x_ahead: Array, v_ahead: Array, a: Array) -> Array:
+            return common.command(x, v, x_ahead, v_ahead, a.take(nearest, axis=-1))
+
+        return common_command
 
     def command(*inputs: Array) -> Array:
+        *motion, received = inputs
         columns = [
-            _column(one, follower.index, [part[:, i] for part in inputs])
-            for i, (one, follower) in enumerate(zip(laws, followers, strict=True))
+            _column(one, follower.index, [*(part[:, i] for part in motion), *received[:, own].T])
+            for i, (one, follower, own) in enumerate(zip(laws, followers, links, strict=True))
         ]
         return np.stack(columns, axis=1)
 
@@ -185,7 +197,7 @@ def _column(law: ControlLaw, index: int, inputs: Sequence[Array]) -> Array:
     try:
         command = law.command(*inputs)  # type: ignore[arg-type]
         return np.broadcast_to(np.asarray(command, np.float64), inputs[0].shape)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise UserError(
             f"the control law of vehicle {index} raised {type(error).__name__}: "
             f"{' '.join(str(error).split())}. Correct it; it must take arrays too."

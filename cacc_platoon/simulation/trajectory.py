@@ -48,11 +48,11 @@ class Trajectory:
     position, velocity, acceleration : ndarray, shape (samples, N + 1)
         x_i [m], v_i [m/s] and a_i [m/s^2] at t = k T; column 0 is the leader, the others are
         those of `scenario.indices`.
-    received : ndarray, shape (samples, N)
-        Acceleration [m/s^2] that the followers used, w a_{i-1} where every packet arrives; column
-        0 is the first follower.
+    received : ndarray, shape (samples, L)
+        Acceleration [m/s^2] that was used of every link of the topology, in its order: w a_{i-1}
+        where every packet arrives. With one predecessor column 0 is the first follower's.
     arrivals : tuple of Arrivals or None
-        What arrived at each follower, where packets may be lost or late; None where every sample's
+        What arrived over each link, where packets may be lost or late; None where every sample's
         packet arrives at that sample.
     """
 
@@ -65,13 +65,18 @@ class Trajectory:
 
     @cached_property
     def arrived(self) -> Array:
-        """Received accelerations by the sample they were sent at, NaN where lost, (samples, N)."""
+        """Received accelerations by the sample they were sent at, NaN where lost, (samples, L)."""
         if self.arrivals is None:
             return self.received
         arrived = np.full(self.received.shape, np.nan)
         for column, (source, _, value) in enumerate(self.arrivals):
             arrived[source, column] = value
         return arrived
+
+    @property
+    def sent(self) -> Array:
+        """Acceleration [m/s^2] of the sender of each link, (samples, L)."""
+        return self.acceleration[:, self.scenario.topology.senders]
 
     @cached_property
     def time(self) -> Array:

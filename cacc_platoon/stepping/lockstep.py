@@ -19,7 +19,7 @@ from cacc_platoon.model import (
     State,
     ThirdOrderPlant,
 )
-from cacc_platoon.model.impairment import ChannelError
+from cacc_platoon.model.impairment import ChannelError, promise_of
 from cacc_platoon.scenario import Follower, Scenario, ScenarioError
 from cacc_platoon.scenario.names import NodeKind, NodeName, vehicle_name
 from cacc_platoon.stepping.deliveries import CountedInbox, Inbox, PromptInbox
@@ -104,12 +104,17 @@ class LockstepFollower:
         self._velocity_sequence = Sequence(f"{self._name}: twist of {predecessor}", self._step_ns)
         self._positions: deque[float] = deque()
         self._velocities: deque[float] = deque()
-        self._inbox: Inbox = (
-            CountedInbox(follower.reception(), self._step_ns) if follower.counted else PromptInbox()
-        )
         self._counted = follower.counted
-        self._count = 0
-        self._count_sequence = Sequence(f"{self._name}: v2v/complete", self._step_ns)
+        links = scenario.topology.links_to(follower.index)
+        self._inboxes: list[Inbox] = [
+            CountedInbox(follower.reception(), self._step_ns) if self._counted else PromptInbox()
+            for _ in links
+        ]
+        self._counts = [0 for _ in links]
+        self._count_sequences = [
+            Sequence(f"{self._name}: v2v/complete of {vehicle_name(link.sender)}", self._step_ns)
+            for link in links
+        ]
 
     def take_position(self, stamp: int, position: float) -> None:
         """Accept the predecessor's position [m]; the first one places this vehicle behind it."""
@@ -127,56 +132,59 @@ class LockstepFollower:
         self._velocities.append(velocity)
         self._advance()
 
-    def take_acceleration(self, stamp: int, acceleration: float) -> None:
-        """Accept the received acceleration w a_{i-1} [m/s^2]."""
-        again = not self._counted and (stamp < self._stamp or stamp in self._inbox)
+    def take_acceleration(self, stamp: int, acceleration: float, link: int = 0) -> None:
+        """Accept an acceleration [m/s^2] received over one of its links, w a_{i-1} by default."""
+        inbox = self._inboxes[link]
+        again = not self._counted and (stamp < self._stamp or stamp in inbox)
         if again or stamp % self._step_ns:
             raise LockstepError(
                 f"{self._name}: v2v/accel is stamped {_seconds(stamp)}, which it has already or "
                 "which is no sample: it comes from another publisher"
             )
-        self._inbox.take(stamp, acceleration)
+        inbox.take(stamp, acceleration)
         self._advance()
 
-    def take_count(self, stamp: int, count: float) -> None:
+    def take_count(self, stamp: int, count: float, link: int = 0) -> None:
         """Accept that the relay is done with a sample and has published `count` messages in all."""
-        self._count_sequence.take(stamp)
-        if not (count.is_integer() and self._count <= count):
+        self._count_sequences[link].take(stamp)
+        if not (count.is_integer() and self._counts[link] <= count):
             raise LockstepError(
                 f"{self._name}: v2v/complete of {_seconds(stamp)} counts {count:g} messages after "
-                f"{self._count}: it comes from another publisher"
+                f"{self._counts[link]}: it comes from another publisher"
             )
-        self._count = int(count)
-        self._inbox.count(stamp, self._count)
+        self._counts[link] = int(count)
+        self._inboxes[link].count(stamp, int(count))
         self._advance()
 
     def _advance(self) -> None:
-        stamp = self._stamp
-        inbox = self._inbox
-        while self._positions and self._velocities and stamp in inbox:
-            self._step(
-                stamp, self._positions.popleft(), self._velocities.popleft(), inbox.pop(stamp)
-            )
+        inboxes = self._inboxes
+        while self._positions and self._velocities:
             stamp = self._stamp
+            for inbox in inboxes:
+                if stamp not in inbox:
+                    return
+            received = [inbox.pop(stamp) for inbox in inboxes]
+            self._step(stamp, self._positions.popleft(), self._velocities.popleft(), received)
 
-    def _step(self, stamp: int, position: float, velocity: float, acceleration: float) -> None:
+    def _step(self, stamp: int, position: float, velocity: float, received: list[float]) -> None:
         state = self._state
         assert state is not None
         self._stamp = stamp + self._step_ns
         try:
             command = self._law.command(
-                state.position, state.velocity, position, velocity, acceleration
+                state.position, state.velocity, position, velocity, *received
             )
-        except Exception as error:  # a law of the user's own may fail in any way
+            finite = math.isfinite(command)
+        except (Exception, SystemExit) as error:  # a custom law may fail in any way
             raise LockstepError(
                 f"{self._name}: its control law raised {type(error).__name__} at "
                 f"{_seconds(stamp)}: {error}"
             ) from error
-        if not math.isfinite(command):
+        if not finite:
             raise LockstepError(
                 f"{self._name}: command at {_seconds(stamp)} is {command}: own state {(*state,)}, "
                 f"predecessor's position {position} m and velocity {velocity} m/s, "
-                f"received acceleration {acceleration} m/s^2"
+                f"received acceleration {', '.join(map(str, received))} m/s^2"
             )
         if self._publish_command:
             delta = self._spacing_policy.spacing_error(state.position, state.velocity, position)
@@ -193,7 +201,7 @@ class LockstepRelay:
     Parameters
     ----------
     follower : Follower
-        The receiver.
+        The receiver, on this link.
     scenario : Scenario
         The run it belongs to.
     publish : callable
@@ -219,18 +227,22 @@ class LockstepRelay:
     ) -> None:
         name = self._name = str(NodeName(NodeKind.NOISE_RELAY, follower.index))
         channel = channel or follower.channel()
-        if not (channel.prompt or follower.counted):
+        try:
+            prompt, longest_delay = promise_of(channel)
+        except ChannelError as error:
+            raise ScenarioError(f"{name}: its channel: {error}. Correct it.") from error
+        if not (prompt or follower.counted):
             raise ScenarioError(
                 f"{name}: its channel may lose or delay packets and the scenario does not say so: "
                 "receiver and recorder would wait for every packet. Set v2v.loss or v2v.channel."
             )
         self._step_ns = scenario.step_ns
         self._sequence = Sequence(
-            f"{vehicle_name(follower.index)}: accel of {vehicle_name(follower.index - 1)}",
+            f"{vehicle_name(follower.index)}: accel of {vehicle_name(follower.link.sender)}",
             scenario.step_ns,
         )
-        self._deliveries = DeliveryStream(channel)
-        self._sent: deque[float] = deque(maxlen=channel.longest_delay + 1)
+        self._deliveries = DeliveryStream(channel, scenario.samples)
+        self._sent: deque[float] = deque(maxlen=longest_delay + 1)
         self._sample = self._count = 0
         self._publish, self._publish_count = publish, publish_count
 

@@ -37,12 +37,15 @@ class FollowerStepper(Protocol):
         """Accept the predecessor's velocity [m/s]."""
         ...
 
-    def take_acceleration(self, stamp: int, acceleration: float) -> None:
-        """Accept a received acceleration [m/s^2] with the stamp of its source."""
+    def take_acceleration(self, stamp: int, acceleration: float, link: int = 0) -> None:
+        """Accept an acceleration [m/s^2] with the stamp of its source, from a link's sender.
+
+        Links are numbered from that to the predecessor on.
+        """
         ...
 
-    def take_count(self, stamp: int, count: float) -> None:
-        """Accept how many messages the relay has published up to a sample."""
+    def take_count(self, stamp: int, count: float, link: int = 0) -> None:
+        """Accept how many messages a link's relay has published up to a sample."""
         ...
 
 

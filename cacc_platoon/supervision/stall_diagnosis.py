@@ -32,19 +32,18 @@ def diagnose(scenario: Scenario, samples: Mapping[str, int]) -> str:
 def _furthest_behind(scenario: Scenario, samples: Mapping[str, int]) -> list[str]:
     """Say which node is furthest behind what it has received, when it is more than in transit."""
     found: list[tuple[int, str]] = []
-    vehicles = Graph.of(scenario).vehicles
-    for follower in scenario.followers:
-        index = follower.index
-        own, ahead = vehicles[index], vehicles[index - 1]
-        done, received, pose, accel = (
-            samples.get(topic.name, 0)
-            for topic in (own.pose, own.received, ahead.pose, ahead.accel)
-        )
-        inputs = min(received, pose)
-        found += [
-            (accel - received, _stopped(NodeName(NodeKind.NOISE_RELAY, index), received, accel)),
-            (inputs + 1 - done, _stopped(NodeName(NodeKind.VEHICLE, index), done, inputs)),
-        ]
+    graph = Graph.of(scenario)
+    for index in graph.topology.followers:
+        done = samples.get(graph.vehicles[index].pose.name, 0)
+        inputs = samples.get(graph.vehicles[index - 1].pose.name, 0)
+        for link in graph.topology.links_to(index):
+            sent = samples.get(graph.vehicles[link.sender].accel.name, 0)
+            received = samples.get(graph.links[link].accel.name, 0)
+            inputs = min(inputs, received)
+            relay = NodeName(NodeKind.NOISE_RELAY, index)
+            found.append((sent - received, _stopped(relay, received, sent)))
+        vehicle = NodeName(NodeKind.VEHICLE, index)
+        found.append((inputs + 1 - done, _stopped(vehicle, done, inputs)))
     behind, text = max(found, key=itemgetter(0))
     return [text] if behind > IN_TRANSIT else []
 

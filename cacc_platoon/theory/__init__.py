@@ -86,7 +86,7 @@ from cacc_platoon.theory.transfer import (
 )
 from cacc_platoon.theory.unequal_links import (
     ChainCertificate,
-    Link,
+    Hop,
     certify_chain,
 )
 
@@ -99,8 +99,8 @@ __all__ = [
     "EffectiveInterval",
     "ExactRegion",
     "Failure",
+    "Hop",
     "L2Gain",
-    "Link",
     "Margins",
     "MultiPredecessorBounds",
     "NoiseStatistics",

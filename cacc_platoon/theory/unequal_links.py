@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 
     from cacc_platoon.model.control import Gains
 
-__all__ = ["ChainCertificate", "Link", "certify_chain"]
+__all__ = ["ChainCertificate", "Hop", "certify_chain"]
 
 
-class Link(NamedTuple):
+class Hop(NamedTuple):
     """One follower: its controller, lag [s] and effective gain ``k_a E[w_i]``."""
 
     gains: Gains
@@ -53,12 +53,12 @@ class ChainCertificate(NamedTuple):
     weakest: int
 
 
-def certify_chain(links: Sequence[Link]) -> ChainCertificate:
+def certify_chain(links: Sequence[Hop]) -> ChainCertificate:
     """Certify ``a_i = H_i a_{i-1}`` for every link and end to end.
 
     Parameters
     ----------
-    links : sequence of Link
+    links : sequence of Hop
         Followers 1 to N.
 
     Returns
@@ -75,10 +75,10 @@ def certify_chain(links: Sequence[Link]) -> ChainCertificate:
     --------
     >>> from cacc_platoon.model.control import Gains
     >>> gains = Gains(0.95, 0.5, 0.63, 0.009)
-    >>> certify_chain([Link(gains, 0.5, 0.52), Link(gains, 0.3, 0.3)]).string_stable
+    >>> certify_chain([Hop(gains, 0.5, 0.52), Hop(gains, 0.3, 0.3)]).string_stable
     False
     """
-    require(len(links) > 0, "links is empty: a platoon needs a follower. Give one Link or more.")
+    require(len(links) > 0, "links is empty: a platoon needs a follower. Give one Hop or more.")
     hops = [l2_gain(*link) for link in links]
     total = math.inf
     if all(math.isfinite(hop.gain) for hop in hops):

@@ -97,7 +97,7 @@ def test_late_packets_arrive_in_the_order_of_their_delivery():
 @settings(max_examples=20)
 @given(st.lists(st.integers(0, 4 * BLOCK), min_size=1, max_size=20))
 def test_sample_by_sample_access_in_any_order(samples):
-    stream, whole = DeliveryStream(channel()), channel().delivery(0, 4 * BLOCK + 1)
+    stream, whole = DeliveryStream(channel(), 4 * BLOCK + 1), channel().delivery(0, 4 * BLOCK + 1)
     for k in samples:
         rows = whole.sample == k
         due = zip(whole.source[rows].tolist(), whole.factor[rows].tolist(), strict=True)
@@ -108,7 +108,7 @@ def test_sample_by_sample_access_in_any_order(samples):
 def test_a_stream_of_several_blocks_is_the_channels(hold):
     length = 2 * BLOCK + BLOCK // 2
     noise = BitNoise(5.0, [0.5] * 16, seed=1, link=1, hold=hold)
-    stream = DeliveryStream(ComposedChannel([ContentNoise(noise)]))
+    stream = DeliveryStream(ComposedChannel([ContentNoise(noise)]), 10**6)
     packets = [stream.at(k) for k in range(length)]
     assert packets == [[(k, w)] for k, w in enumerate(noise.factors(0, length).tolist())]
     assert len({str(packets[k : k + 100]) for k in (0, BLOCK, 2 * BLOCK)}) == 3

@@ -118,7 +118,7 @@ def test_node_arithmetic_is_the_array_arithmetic_to_the_last_bit():
     run = simulate(MIXED)
     plants = [follower.plant(MIXED.run.step) for follower in MIXED.followers]
     laws = [follower.law() for follower in MIXED.followers]
-    streams = [DeliveryStream(follower.channel()) for follower in MIXED.followers]
+    streams = [DeliveryStream(follower.channel(), MIXED.samples) for follower in MIXED.followers]
     leader = MIXED.leader_profile()
     states = [State(x, 20.0, 0.0) for x in initial_positions(MIXED)]
     for k in range(MIXED.samples):
@@ -169,9 +169,9 @@ def test_the_continuous_system_is_approached_as_the_step_shrinks():
 
 def test_runs_in_a_batch_do_not_touch_each_other():
     plans = [plan_links(MIXED, noise) for noise in ("bits", "none")]
-    together = propagate(MIXED, links_of(plans), runs=2)
+    together = propagate(MIXED, links_of(MIXED, plans), runs=2)
     for r in range(2):
-        alone = propagate(MIXED, links_of(plans[r : r + 1]))
+        alone = propagate(MIXED, links_of(MIXED, plans[r : r + 1]))
         for whole, single in zip(together, alone, strict=True):
             np.testing.assert_array_equal(whole[:, r], single[:, 0])
 

@@ -1,5 +1,8 @@
 """Real platoons for tests: small, short, and watched for what they leave behind."""
 
+import json
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -45,3 +48,23 @@ def platoon(nothing_left: None, tmp_path: Path) -> Iterator[Callable[..., Platoo
         yield start
     for made in platoons:
         made.wait_gone()
+
+
+@pytest.fixture
+def replay() -> Callable[..., dict[str, Any]]:
+    """Replay one node of a platoon's run by the command, and return its answer."""
+
+    def answer(run: Platoon, vehicle: int, node: str, *options: str) -> dict[str, Any]:
+        command = [sys.executable, "-m", "cacc_platoon", "replay", str(run.folder.path), "--json"]
+        result = subprocess.run(
+            [*command, "--vehicle", str(vehicle), "--node", node, *options],
+            capture_output=True,
+            text=True,
+            timeout=120,
+            check=False,
+            env=run.environment(),
+        )
+        assert result.returncode == 0, result.stderr
+        return dict(json.loads(result.stdout))
+
+    return answer

@@ -40,3 +40,11 @@ class Cautious:
             predecessor_velocity,
             0.5 * received_acceleration,
         )
+
+
+class TwoAhead(Cautious):
+    """Uses the mean of what it receives from one or two vehicles."""
+
+    def command(self, *inputs: float) -> float:
+        x, v, x_ahead, v_ahead, *received = inputs
+        return self._law.command(x, v, x_ahead, v_ahead, sum(received) / len(received))

@@ -1,10 +1,8 @@
 """Lossy links on real nodes: the digest of the simulation, and a bag that holds what arrived."""
 
-import json
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -26,6 +24,7 @@ LOSSY = ("run.duration=8", "platoon.followers=4", "leader.start=1", "v2v.loss=0.
 OWN = ("v2v.channel=own_parts:late", "controller.law=own_parts:Cautious")
 
 Start = Callable[..., Platoon]
+Replay = Callable[..., dict[str, Any]]
 
 
 def simulated_digest(*settings: str) -> str:
@@ -84,22 +83,10 @@ def test_a_channel_and_a_law_by_name_run_on_nodes(
 
 
 @pytest.mark.parametrize("node", ["vehicle", "noise_relay"])
-def test_a_lossy_node_is_replayed_bit_for_bit(platoon: Start, tmp_path: Path, node: str) -> None:
+def test_a_lossy_node_is_replayed_bit_for_bit(platoon: Start, replay: Replay, node: str) -> None:
     run = platoon(*LOSSY, hosts=2)
     assert run.result().exit_code == 0
-    answer = subprocess.run(
-        [
-            *(sys.executable, "-m", "cacc_platoon", "replay", str(run.folder.path)),
-            *("--vehicle", "2", "--node", node, "--json"),
-        ],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-        env=run.environment(),
-    )
-    assert answer.returncode == 0, answer.stderr
-    assert json.loads(answer.stdout)["identical"] is True
+    assert replay(run, 2, node)["identical"] is True
 
 
 def test_a_killed_relay_is_named_and_the_bag_is_readable(platoon: Start) -> None:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from cacc_platoon.model import Gains
 from cacc_platoon.theory import (
     DesignError,
-    Link,
+    Hop,
     certify,
     certify_chain,
     equivalent_gains,
@@ -102,7 +102,7 @@ def test_hold_last_is_the_mean_of_simulated_receivers():
 
 
 def test_mixed_platoon_is_certified_link_by_link():
-    links = [Link(A, 0.5, 0.52), Link(A, 0.2, 0.45), Link(A, 0.5, 0.3)]
+    links = [Hop(A, 0.5, 0.52), Hop(A, 0.2, 0.45), Hop(A, 0.5, 0.3)]
     certificate = certify_chain(links)
     assert not certificate.string_stable
     assert certificate.weakest == 3
@@ -116,7 +116,7 @@ def test_mixed_platoon_is_certified_link_by_link():
 
 def test_mixed_platoon_that_is_unstable_inside_has_no_finite_gain():
     unstable = Gains(0.2, 0.5, 0.01, 5.0)
-    assert certify_chain([Link(unstable, 0.5, 0.5)]).end_to_end_gain == math.inf
+    assert certify_chain([Hop(unstable, 0.5, 0.5)]).end_to_end_gain == math.inf
     with pytest.raises(DesignError, match="links"):
         certify_chain([])
 

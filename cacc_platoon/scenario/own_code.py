@@ -1,0 +1,52 @@
+"""Custom channels and laws, tried once before anything starts: nodes have nobody to ask."""
+
+from __future__ import annotations
+
+import math
+
+from cacc_platoon.errors import UserError
+from cacc_platoon.model.impairment import ChannelError, checked_delivery
+from cacc_platoon.scenario.follower import Follower
+from cacc_platoon.scenario.names import vehicle_name
+from cacc_platoon.scenario.parameter import ScenarioError
+
+
+def try_channel(receiver: Follower, samples: int) -> None:
+    """Make the channel of a link, and ask it for the whole run."""
+    try:
+        checked_delivery(receiver.channel(), 0, samples)
+    except ChannelError as error:
+        raise ChannelError(
+            f"v2v.channel = {receiver.v2v.channel}: the channel from "
+            f"{vehicle_name(receiver.link.sender)} to {vehicle_name(receiver.index)}: {error}; "
+            "the run would end there. Correct it."
+        ) from error
+
+
+def try_law(follower: Follower, speed: float, links: int) -> None:
+    """Make the law of a follower, and ask it for a command in equilibrium.
+
+    Parameters
+    ----------
+    follower : Follower
+        Its parameters.
+    speed : float
+        Of the platoon at time 0 [m/s].
+    links : int
+        From how many vehicles it receives.
+    """
+    law = follower.law()
+    spacing = follower.standstill_distance + follower.gains.time_headway * speed
+    try:
+        command = law.command(-spacing, speed, 0.0, speed, *[0.0] * links)
+        wrong = "" if math.isfinite(command) else f"returned {command}"
+    except UserError:
+        raise
+    except (Exception, SystemExit) as error:  # a custom law may fail in any way
+        wrong = f"raised {type(error).__name__}: {' '.join(str(error).split())}"
+    if wrong:
+        raise ScenarioError(
+            f"controller.law = {follower.law_name}: the law of {vehicle_name(follower.index)} "
+            f"{wrong} in equilibrium at {speed:g} m/s with {links} received accelerations; the run "
+            "would end there. Let command return a finite number [m/s^2]."
+        )
