@@ -303,8 +303,11 @@ def _trajectory(
     receivers = scenario.receivers
     for column, receiver in enumerate(receivers):
         if receiver.link in arrivals:
-            used = arrivals[receiver.link].used(receiver.reception(), len(received))
-            received[:, column] = used
+            arrived = arrivals[receiver.link]
+            received[:, column] = arrived.used(receiver.reception(), len(received))
+            if np.isnan(columns[Role("pose", receiver.index)][:1]).any():
+                first = int(min(arrived.sample, default=len(received)))
+                received[:first, column] = np.nan  # what it held from before is not recorded
 
     states = (stack("pose"), stack("twist"), stack("accel"))
     if scenario.leader.profile == "bag":  # what led is in this bag too

@@ -45,6 +45,7 @@ def make_plugin(text: str, name: str, argument: object, members: Sequence[str]) 
     factory = _load(text, name)
     try:
         made = factory(argument)
+        missing = [member for member in members if not hasattr(made, member)]
     except UserError:
         raise
     except (Exception, SystemExit) as error:
@@ -52,7 +53,6 @@ def make_plugin(text: str, name: str, argument: object, members: Sequence[str]) 
             f"{name} = {text}: raised {_one_line(error)} when it was made for vehicle "
             f"{getattr(argument, 'index', '')}; the run would lack it. Correct its code."
         ) from error
-    missing = [member for member in members if not hasattr(made, member)]
     if missing:
         raise ScenarioError(
             f"{name} = {text}: makes a {type(made).__name__} without {', '.join(missing)}, which "

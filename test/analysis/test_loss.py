@@ -8,7 +8,9 @@ import pytest
 
 from cacc_platoon.analysis import analyse, compute_metrics, judge
 from cacc_platoon.analysis.age import information_age, link_reception
+from cacc_platoon.model import ComposedChannel
 from cacc_platoon.report import metrics_document, summary
+from cacc_platoon.runs.recording import recording_of
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.simulation import Arrivals, simulate
 from cacc_platoon.theory import certify, is_sampled_string_stable
@@ -111,3 +113,22 @@ def test_what_a_receiver_that_holds_had_in_one_run_is_not_judged():
     run = simulate(lossy(0.3))
     verdict = judge(run.scenario, compute_metrics(run).noise)
     assert {one.realised_stable for one in verdict.followers} == {None}
+
+
+def test_a_late_channel_is_not_blamed_for_packets_that_are_under_way(bags, tmp_path):
+    """Packets of the last samples have not arrived when the run ends, none of them was lost."""
+    scenario = bags.scenario()
+
+    class Late:
+        prompt = False
+        longest_delay = 20
+
+        def apply(self, packets):
+            return packets._replace(delay=packets.delay + 20)
+
+    named = scenario.with_values({"v2v.channel": "late_channels:Late"})
+    run = simulate(named, channel=lambda _: ComposedChannel([Late()]))
+    report = analyse(bags.bag(tmp_path / "bag", named, recording_of(run)), runs=0)
+    assert all(link.arrived == link.sent - 20 for link in report.measured.reception)
+    assert any("late_channels:Late" in reason for reason in report.verdict.void)
+    assert not any("lost more packets" in reason for reason in report.verdict.void)

@@ -3,6 +3,7 @@
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -361,3 +362,17 @@ def test_a_former_name_is_still_read_and_not_beside_the_new_one():
     assert parse_scenario(text, "old.yaml").run.manual_nodes == ("vehicle_3/vehicle",)
     both = document("{run: {by_hand: [vehicle_3/vehicle], manual_nodes: [vehicle_2/vehicle]}}")
     assert "run.by_hand is the former name of run.manual_nodes" in refusal(both)
+
+
+def test_values_may_be_arrays_and_leave_no_empty_section():
+    scenario = Scenario().with_values(
+        {"vehicle.tau": np.full(12, 0.25), "vehicle_3.controller.k_v": np.float64(0.7)}
+    )
+    assert scenario.follower(12).tau == 0.25
+    assert scenario.follower(3).gains.k_v == 0.7
+    assert scenario.with_values({"controller.k_v": 0.6}).overrides == {}
+
+
+def test_a_name_that_is_no_text_is_refused():
+    with pytest.raises(ScenarioError, match=r"3 is no name of a parameter.*run\.seed"):
+        Scenario().with_values({3: 1.0})  # type: ignore[dict-item]

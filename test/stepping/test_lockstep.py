@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cacc_platoon.model import State
+from cacc_platoon.model import ComposedChannel, Delivery, State
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.simulation import simulate
 from cacc_platoon.stepping.lockstep import (
@@ -163,3 +163,31 @@ def test_an_override_reaches_the_follower_it_is_for() -> None:
     scenario = Scenario.from_values({}, {2: {"controller.k_v": 0.7}}, "test")
     assert scenario.follower(2).gains.k_v == 0.7
     assert scenario.follower(1).gains == dataclasses.replace(scenario).follower(3).gains
+
+
+@pytest.mark.parametrize("failure", [RuntimeError("no"), SystemExit(0)])
+def test_a_law_that_fails_is_named(failure: BaseException) -> None:
+    class Failing:
+        def command(self, *_: float) -> float:
+            raise failure
+
+    core = LockstepFollower(SCENARIO.follower(1), SCENARIO, lambda *_: None, law=Failing())
+    core.take_position(0, 0.0)
+    core.take_velocity(0, 25.0)
+    with pytest.raises(LockstepError, match=f"control law raised {type(failure).__name__} at 0 s"):
+        core.take_acceleration(0, 0.0)
+
+
+def test_a_relay_asks_for_the_samples_of_the_run_alone() -> None:
+    asked: list[tuple[int, int]] = []
+
+    class Watched(ComposedChannel):
+        def delivery(self, start: int, stop: int) -> Delivery:
+            asked.append((start, stop))
+            return super().delivery(start, stop)
+
+    relay = LockstepRelay(SCENARIO.follower(1), SCENARIO, lambda *_: None, channel=Watched([]))
+    for k in range(SCENARIO.samples):
+        relay.take(k * STEP, 1.0)
+    assert asked[0][0] == 0
+    assert asked[-1][1] == SCENARIO.samples
