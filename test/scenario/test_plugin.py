@@ -200,3 +200,13 @@ def test_no_folder_is_left_by_a_law_that_fails_later(tmp_path, capsys):
     assert "the control law of vehicle 1 raised ZeroDivisionError" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
     sys.modules.pop("later", None)
+
+
+def test_a_replay_tries_the_code_that_its_scenario_names(run_folder, tmp_path, capsys):
+    scenario = (run_folder / "scenario.yaml").read_text()
+    assert "law: ''" in scenario
+    (tmp_path / "s.yaml").write_text(scenario.replace("law: ''", "law: my_code:Text"))
+    assert main(["replay", str(run_folder), "--vehicle", "2", "--scenario", "s.yaml"]) == 2
+    error = capsys.readouterr().err
+    assert "controller.law = my_code:Text" in error
+    assert len(error.splitlines()) == 1
