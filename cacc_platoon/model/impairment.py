@@ -6,7 +6,8 @@ packets, keyed by seed, link and p, so that any slice of packets equals that sli
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from typing import Any, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
@@ -277,38 +278,20 @@ class ComposedChannel:
         return Delivery(packets.source[rows], sample[rows], packets.factor[rows])
 
 
-class DeliveryStream:
-    """Sample-by-sample access to a channel, fetched a block at a time.
+def packets_by_sample(channel: Channel, samples: int) -> Iterator[list[tuple[int, float]]]:
+    """Yield source sample and factor of the packets delivered at each sample of a run, from 0 on.
 
-    Parameters
-    ----------
-    channel : Channel
-        The channel.
-    samples : int
-        Number of samples of the run.
+    The channel is asked for a block at a time, and held to what it promises.
 
     Examples
     --------
-    >>> DeliveryStream(ComposedChannel([]), samples=10).at(7)
-    [(7, 1.0)]
+    >>> list(packets_by_sample(ComposedChannel([]), samples=2))
+    [[(0, 1.0)], [(1, 1.0)]]
     """
-
-    def __init__(self, channel: Channel, samples: int) -> None:
-        self._channel, self._samples = channel, samples
-        self._start, self._packets = 0, list[tuple[int, float]]()
-        self._ends = list[int]()
-
-    def at(self, sample: int) -> list[tuple[int, float]]:
-        """Return source sample and factor of each packet delivered at a sample."""
-        offset = sample - self._start
-        if not 0 <= offset < len(self._ends) - 1:
-            self._fetch(sample - sample % BLOCK)
-            offset = sample - self._start
-        return self._packets[self._ends[offset] : self._ends[offset + 1]]
-
-    def _fetch(self, start: int) -> None:
-        stop = min(start + BLOCK, self._samples)
-        source, sample, factor = checked_delivery(self._channel, start, stop)
-        self._start = start
-        self._packets = list(zip(source.tolist(), factor.tolist(), strict=True))
-        self._ends = np.searchsorted(sample, np.arange(start, stop + 1)).tolist()
+    for start in range(0, samples, BLOCK):
+        stop = min(start + BLOCK, samples)
+        source, sample, factor = checked_delivery(channel, start, stop)
+        packets = list(zip(source.tolist(), factor.tolist(), strict=True))
+        ends = np.searchsorted(sample, np.arange(start, stop + 1)).tolist()
+        for begin, end in pairwise(ends):
+            yield packets[begin:end]

@@ -8,6 +8,7 @@ many messages it has published by then: messages and counts are two topics and h
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 from typing import Generic, NamedTuple, Protocol, TypeVar
 
 from cacc_platoon.model import Reception
@@ -60,7 +61,7 @@ class CountedDeliveries(Generic[Message]):
 
 
 class Inbox(Protocol):
-    """The received acceleration to use at each sample, by stamp [ns]."""
+    """The received accelerations to use at each sample, by stamp [ns]."""
 
     def __contains__(self, stamp: object) -> bool:
         """Whether it is known what to use at a sample."""
@@ -74,15 +75,17 @@ class Inbox(Protocol):
         """Accept that the relay is done with a sample, and how many messages it has published."""
         ...
 
-    def pop(self, stamp: int) -> float:
-        """Return what to use at a sample, and forget it."""
+    def pop(self, stamp: int) -> tuple[float, ...]:
+        """Return what to use at a sample, one value a link, and forget it."""
         ...
 
 
-class PromptInbox(dict[int, float]):
+class PromptInbox(dict[int, tuple[float, ...]]):
     """For a channel that delivers every packet at the sample it was sent at."""
 
-    take = dict.__setitem__
+    def take(self, stamp: int, acceleration: float) -> None:
+        """Accept a message, stamped with the sample it was sent at."""
+        self[stamp] = (acceleration,)
 
     def count(self, stamp: int, count: int) -> None:
         """Accept what such a channel need not say."""
@@ -102,7 +105,7 @@ class CountedInbox:
     def __init__(self, reception: Reception, step_ns: int) -> None:
         self._reception, self._step = reception, step_ns
         self._deliveries: CountedDeliveries[tuple[int, float]] = CountedDeliveries()
-        self._ready: dict[int, float] = {}
+        self._ready: dict[int, tuple[float, ...]] = {}
 
     def __contains__(self, stamp: object) -> bool:
         """Whether it is known what to use at a sample."""
@@ -118,10 +121,25 @@ class CountedInbox:
         self._deliveries.count(stamp, count)
         self._settle()
 
-    def pop(self, stamp: int) -> float:
+    def pop(self, stamp: int) -> tuple[float, ...]:
         """Return what to use at a sample, and forget it."""
         return self._ready.pop(stamp)
 
     def _settle(self) -> None:
         for stamp, packets in self._deliveries.settled():
-            self._ready[stamp] = self._reception.use(packets)
+            self._ready[stamp] = (self._reception.use(packets),)
+
+
+class JointInbox:
+    """What is used of several links together; messages go to the inboxes of the links."""
+
+    def __init__(self, inboxes: Sequence[Inbox]) -> None:
+        self._inboxes = inboxes
+
+    def __contains__(self, stamp: object) -> bool:
+        """Whether it is known what to use of every link."""
+        return all(stamp in inbox for inbox in self._inboxes)
+
+    def pop(self, stamp: int) -> tuple[float, ...]:
+        """Return what to use of each link at a sample, and forget it."""
+        return tuple(value for inbox in self._inboxes for value in inbox.pop(stamp))

@@ -14,15 +14,14 @@ from collections.abc import Callable
 from cacc_platoon.model import (
     Channel,
     ControlLaw,
-    DeliveryStream,
     LeaderProfile,
     State,
     ThirdOrderPlant,
 )
-from cacc_platoon.model.impairment import ChannelError, promise_of
+from cacc_platoon.model.impairment import ChannelError, packets_by_sample, promise_of
 from cacc_platoon.scenario import Follower, Scenario, ScenarioError
 from cacc_platoon.scenario.names import NodeKind, NodeName, vehicle_name
-from cacc_platoon.stepping.deliveries import CountedInbox, Inbox, PromptInbox
+from cacc_platoon.stepping.deliveries import CountedInbox, Inbox, JointInbox, PromptInbox
 
 
 class LockstepError(Exception):
@@ -110,6 +109,7 @@ class LockstepFollower:
             CountedInbox(follower.reception(), self._step_ns) if self._counted else PromptInbox()
             for _ in links
         ]
+        self._inbox = self._inboxes[0] if len(links) == 1 else JointInbox(self._inboxes)
         self._counts = [0 for _ in links]
         self._count_sequences = [
             Sequence(f"{self._name}: v2v/complete of {vehicle_name(link.sender)}", self._step_ns)
@@ -157,18 +157,15 @@ class LockstepFollower:
         self._advance()
 
     def _advance(self) -> None:
-        inboxes = self._inboxes
-        while self._positions and self._velocities:
-            stamp = self._stamp
-            for inbox in inboxes:
-                if stamp not in inbox:
-                    return
-            received = [inbox.pop(stamp) for inbox in inboxes]
-            self._step(stamp, self._positions.popleft(), self._velocities.popleft(), received)
+        inbox = self._inbox
+        while self._positions and self._velocities and self._stamp in inbox:
+            received = inbox.pop(self._stamp)
+            self._step(self._positions.popleft(), self._velocities.popleft(), received)
 
-    def _step(self, stamp: int, position: float, velocity: float, received: list[float]) -> None:
+    def _step(self, position: float, velocity: float, received: tuple[float, ...]) -> None:
         state = self._state
         assert state is not None
+        stamp = self._stamp
         self._stamp = stamp + self._step_ns
         try:
             command = self._law.command(
@@ -241,7 +238,7 @@ class LockstepRelay:
             f"{vehicle_name(follower.index)}: accel of {vehicle_name(follower.link.sender)}",
             scenario.step_ns,
         )
-        self._deliveries = DeliveryStream(channel, scenario.samples)
+        self._deliveries = packets_by_sample(channel, scenario.samples)
         self._sent: deque[float] = deque(maxlen=longest_delay + 1)
         self._sample = self._count = 0
         self._publish, self._publish_count = publish, publish_count
@@ -253,7 +250,7 @@ class LockstepRelay:
         self._sample = sample + 1
         sent.append(acceleration)
         try:
-            packets = self._deliveries.at(sample)
+            packets = next(self._deliveries, [])
         except ChannelError as error:
             raise LockstepError(f"{self._name}: its channel: {error}") from error
         for source, factor in packets:

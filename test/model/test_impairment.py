@@ -12,9 +12,9 @@ from cacc_platoon.model import (
     ComposedChannel,
     ConstantNoise,
     ContentNoise,
-    DeliveryStream,
     IndependentLoss,
 )
+from cacc_platoon.model.impairment import packets_by_sample
 from cacc_platoon.model.keyed_random import BLOCK, keyed_uniform
 
 N = 200_000
@@ -94,21 +94,19 @@ def test_late_packets_arrive_in_the_order_of_their_delivery():
     assert (np.diff(delivery.source) < 0).any()
 
 
-@settings(max_examples=20)
-@given(st.lists(st.integers(0, 4 * BLOCK), min_size=1, max_size=20))
-def test_sample_by_sample_access_in_any_order(samples):
-    stream, whole = DeliveryStream(channel(), 4 * BLOCK + 1), channel().delivery(0, 4 * BLOCK + 1)
-    for k in samples:
-        rows = whole.sample == k
-        due = zip(whole.source[rows].tolist(), whole.factor[rows].tolist(), strict=True)
-        assert stream.at(k) == list(due)
+@pytest.mark.parametrize("samples", [1, BLOCK - 1, BLOCK, BLOCK + 1, 3 * BLOCK + 5])
+def test_sample_by_sample_is_the_whole(samples):
+    whole = channel().delivery(0, samples)
+    due: list[list[tuple[int, float]]] = [[] for _ in range(samples)]
+    for source, sample, factor in zip(*whole, strict=True):
+        due[sample].append((source, factor))
+    assert list(packets_by_sample(channel(), samples)) == due
 
 
 @pytest.mark.parametrize("hold", [1, 3])
 def test_a_stream_of_several_blocks_is_the_channels(hold):
     length = 2 * BLOCK + BLOCK // 2
     noise = BitNoise(5.0, [0.5] * 16, seed=1, link=1, hold=hold)
-    stream = DeliveryStream(ComposedChannel([ContentNoise(noise)]), 10**6)
-    packets = [stream.at(k) for k in range(length)]
+    packets = list(packets_by_sample(ComposedChannel([ContentNoise(noise)]), length))
     assert packets == [[(k, w)] for k, w in enumerate(noise.factors(0, length).tolist())]
     assert len({str(packets[k : k + 100]) for k in (0, BLOCK, 2 * BLOCK)}) == 3

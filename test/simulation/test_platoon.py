@@ -7,7 +7,8 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from cacc_platoon.model import DeliveryStream, State
+from cacc_platoon.model import State
+from cacc_platoon.model.impairment import packets_by_sample
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import load_scenario
 from cacc_platoon.simulation import initial_positions, propagate, simulate
@@ -118,7 +119,7 @@ def test_node_arithmetic_is_the_array_arithmetic_to_the_last_bit():
     run = simulate(MIXED)
     plants = [follower.plant(MIXED.run.step) for follower in MIXED.followers]
     laws = [follower.law() for follower in MIXED.followers]
-    streams = [DeliveryStream(follower.channel(), MIXED.samples) for follower in MIXED.followers]
+    streams = [packets_by_sample(follower.channel(), MIXED.samples) for follower in MIXED.followers]
     leader = MIXED.leader_profile()
     states = [State(x, 20.0, 0.0) for x in initial_positions(MIXED)]
     for k in range(MIXED.samples):
@@ -128,7 +129,7 @@ def test_node_arithmetic_is_the_array_arithmetic_to_the_last_bit():
         after = list(states)
         for i, (plant, law, stream) in enumerate(zip(plants, laws, streams, strict=True)):
             ahead, own = states[i], states[i + 1]
-            [(source, factor)] = stream.at(k)
+            [(source, factor)] = next(stream)
             assert source == k
             received = factor * ahead.acceleration
             assert received == run.received[k, i]
