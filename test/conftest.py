@@ -34,9 +34,9 @@ settings.register_profile("project", derandomize=True, deadline=None)
 settings.register_profile("quick", derandomize=True, deadline=None, max_examples=20)
 settings.load_profile("project")
 
-_home = tempfile.mkdtemp(prefix="cacc_platoon_test_")
-os.environ["ROS_LOG_DIR"] = _home
-os.environ["MPLCONFIGDIR"] = _home
+_home = tempfile.TemporaryDirectory(prefix="cacc_platoon_test_", ignore_cleanup_errors=True)
+os.environ["ROS_LOG_DIR"] = _home.name
+os.environ["MPLCONFIGDIR"] = _home.name
 os.environ["MPLBACKEND"] = "agg"
 os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
 
