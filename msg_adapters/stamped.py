@@ -119,24 +119,8 @@ class StampedCodec:
         return data[:begin] + bytes(end - begin) + data[end:]
 
 
-def stamp_of(data: bytes) -> int:
-    """Return the header stamp [ns] of any stamped message in CDR."""
-    seconds, nanoseconds = _STAMP.unpack_from(data)
-    return int(seconds) * SECOND + int(nanoseconds)
-
-
 def stamps_of(messages: npt.NDArray[np.uint8]) -> npt.NDArray[np.int64]:
     """Return the header stamps [ns] of stamped messages given as rows, shape (n, size) -> (n,)."""
     head = np.ascontiguousarray(messages[:, 4:12])
     seconds, nanoseconds = head.view("<i4")[:, 0], head.view("<u4")[:, 1]
     return np.asarray(seconds.astype(np.int64) * SECOND + nanoseconds)
-
-
-def frame_of(data: bytes) -> str:
-    """Return the frame_id of any stamped message in CDR."""
-    (length,) = _LENGTH.unpack_from(data)
-    return data[_FRAME_AT : _FRAME_AT + length - 1].decode()
-
-
-_STAMP = struct.Struct("<4xiI")
-_LENGTH = struct.Struct("<12xI")

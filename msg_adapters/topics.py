@@ -14,7 +14,6 @@ from cacc_platoon.scenario.names import (
     NodeKind,
     NodeName,
     host_name,
-    host_of,
     split_vehicle,
     vehicle_name,
 )
@@ -94,11 +93,6 @@ class PlatoonTopics:
     def recorded(self, host: str) -> str:
         """Return the topic on which the recorder of a host publishes its progress."""
         return f"{self.prefix}/{host_name(host)}/recorded"
-
-    def host_recorded(self, topic: str) -> str | None:
-        """Return the host of such a topic, None for any other topic."""
-        name, _, last = topic.removeprefix(f"{self.prefix}/").partition("/")
-        return host_of(name) if last == "recorded" else None
 
 
 class Role(NamedTuple):

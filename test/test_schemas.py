@@ -25,7 +25,7 @@ from cacc_platoon.replay import (
 )
 from cacc_platoon.report import metrics_document
 from cacc_platoon.reproduction.cases import CASES, case_scenario
-from cacc_platoon.reproduction.page import document as paper_document
+from cacc_platoon.reproduction.paper_page import document as paper_document
 from cacc_platoon.reproduction.reproduce import reproduce
 from cacc_platoon.runs.info import HostInfo, RunInfo
 from cacc_platoon.runs.parts import PartWriter

@@ -40,7 +40,7 @@ def run(options: argparse.Namespace) -> int:
     """Run the cases, draw, compare."""
     from cacc_platoon.report.write import report_run  # noqa: PLC0415
     from cacc_platoon.reproduction.cases import CASES, case_scenario  # noqa: PLC0415  (heavy)
-    from cacc_platoon.reproduction.page import (  # noqa: PLC0415  (heavy)
+    from cacc_platoon.reproduction.paper_page import (  # noqa: PLC0415  (heavy)
         document,
         summary,
         write_reproduction,

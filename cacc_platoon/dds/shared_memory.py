@@ -69,22 +69,6 @@ def sweep() -> list[str]:
     return _remove_unowned(orphans)
 
 
-def leftovers() -> set[str]:
-    """Return the names of all segments and ports, whoever made them, that nobody owns."""
-    names = {file.name for file in SHARED_MEMORY.iterdir() if file.name.startswith(_PREFIXES)}
-    found = set()
-    for name in names:
-        lock = SHARED_MEMORY / f"{name}{_LOCK}"
-        if name.endswith(_LOCK) and (_PORT in name or name.removesuffix(_LOCK) in names):
-            continue
-        with contextlib.suppress(OSError):
-            if lock.exists():
-                with lock.open("ab") as handle:
-                    fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            found.add(name)
-    return found
-
-
 def _remove_unowned(names: set[str]) -> list[str]:
     return [file for name in sorted(names) for file in _remove(name)]
 

@@ -20,8 +20,6 @@ from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.names import NodeKind, NodeName, vehicle_name
 from msg_adapters.topics import Graph, Topic
 
-NODES = ("vehicle", "noise_relay", "leader")
-
 
 class Stream(NamedTuple):
     """The messages of one topic.

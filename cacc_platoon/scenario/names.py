@@ -24,8 +24,6 @@ class NodeName(NamedTuple):
     --------
     >>> str(NodeName(NodeKind.NOISE_RELAY, 3))
     'vehicle_3/noise_relay'
-    >>> NodeName.parse("vehicle_3/noise_relay").vehicle
-    3
     """
 
     kind: NodeKind
@@ -33,21 +31,6 @@ class NodeName(NamedTuple):
 
     def __str__(self) -> str:
         return f"{vehicle_name(self.vehicle)}/{self.kind}"
-
-    @classmethod
-    def parse(cls, text: str) -> NodeName:
-        """Return the node of a name relative to the platoon's namespace.
-
-        Raises
-        ------
-        ValueError
-            When it is no such name.
-        """
-        vehicle, _, kind = text.partition("/")
-        index = vehicle_index(vehicle)
-        if index is None:
-            raise ValueError(f"{text!r} does not begin with vehicle_<i>/")
-        return cls(NodeKind(kind), index)
 
 
 def vehicle_name(index: int) -> str:
@@ -94,8 +77,3 @@ def split_vehicle(path: str) -> tuple[str, int, str] | None:
 def host_name(host: str) -> str:
     """Return the name of a host: the last part of its namespace, of its part, of its process."""
     return f"host_{host}"
-
-
-def host_of(name: str) -> str | None:
-    """Return the host of such a name, None for any other text."""
-    return name.removeprefix("host_") if name.startswith("host_") else None

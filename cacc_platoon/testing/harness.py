@@ -200,10 +200,6 @@ class Platoon:
         log = self._output.with_name(f"{name}.txt")
         return self._run(node, arguments, log, log)
 
-    def output_of(self, node: str) -> str:
-        """Return what a node started manually has printed."""
-        return self._output.with_name(f"{node.replace('/', '_')}.txt").read_text()
-
     def wait_state(self, state: str, timeout: float = PATIENCE) -> None:
         """Wait until the run is in a state: waiting, matching, running, finished or failed."""
         self.wait(lambda: self._phase == state, timeout, f"state {state}")

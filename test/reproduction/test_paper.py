@@ -10,7 +10,7 @@ import pytest
 from cacc_platoon.analysis import Report, check_consistency, compute_metrics, judge
 from cacc_platoon.cli import main
 from cacc_platoon.reproduction.cases import CASES, case_scenario
-from cacc_platoon.reproduction.page import summary, write_reproduction
+from cacc_platoon.reproduction.paper_page import summary, write_reproduction
 from cacc_platoon.reproduction.reproduce import reproduce
 from cacc_platoon.runs.recorded_run import RecordedRun
 from cacc_platoon.runs.sample_grid import Grid

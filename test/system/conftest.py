@@ -1,18 +1,19 @@
 """Real platoons for tests: small, short, and watched for what they leave behind."""
 
+import contextlib
+import fcntl
 import json
 import subprocess
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from cacc_platoon.dds.shared_memory import leftovers
+from cacc_platoon.dds.shared_memory import SHARED_MEMORY
 from cacc_platoon.testing import Platoon
 
 CONFIG = Path(__file__).parents[2] / "config"
@@ -20,13 +21,33 @@ PAPER_A = CONFIG / "paper_a.yaml"
 PATIENCE = 30.0
 
 
+def unowned_files() -> set[str]:
+    """Return the segments and ports of Fast DDS, whoever made them, that no process has locked."""
+    names = {
+        file.name
+        for file in SHARED_MEMORY.iterdir()
+        if file.name.startswith(("fastrtps_", "fastdds_"))
+    }
+    found = set()
+    for name in names:
+        if name.endswith("_el") and ("_port" in name or name.removesuffix("_el") in names):
+            continue
+        lock = SHARED_MEMORY / f"{name}_el"
+        with contextlib.suppress(OSError):
+            if lock.exists():
+                with lock.open("ab") as handle:
+                    fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            found.add(name)
+    return found
+
+
 @pytest.fixture
 def nothing_left() -> Iterator[None]:
     """Nothing stays in shared memory; what others use there at the moment comes and goes."""
-    before, pause = leftovers(), threading.Event()
+    before, pause = unowned_files(), threading.Event()
     yield
     deadline = time.monotonic() + PATIENCE
-    while left := leftovers() - before:
+    while left := unowned_files() - before:
         assert time.monotonic() < deadline, left
         pause.wait(0.2)
 
@@ -34,7 +55,7 @@ def nothing_left() -> Iterator[None]:
 @pytest.fixture
 def platoon(nothing_left: None, tmp_path: Path) -> Iterator[Callable[..., Platoon]]:
     """Start platoons of case A; afterwards nothing of them may be left."""
-    with ExitStack() as stack:
+    with contextlib.ExitStack() as stack:
         platoons: list[Platoon] = []
 
         def start(*settings: str, **options: Any) -> Platoon:

@@ -15,7 +15,6 @@ from cacc_platoon.runs.recording import recording_of
 from cacc_platoon.scenario.file import load_scenario
 from cacc_platoon.simulation import simulate
 from cacc_platoon.testing import Platoon
-from msg_adapters.stamped import stamp_of
 from msg_adapters.topics import Graph
 
 HERE = Path(__file__).parent
@@ -53,7 +52,8 @@ def test_the_bag_holds_what_arrived(platoon: Start) -> None:
     ):
         with Reader(result.folder.bag) as reader:  # a second reader
             wanted = [c for c in reader.connections if c.topic == vehicle.received.name]
-            messages = [(log, stamp_of(data)) for _, log, data in reader.messages(wanted)]
+            decode = vehicle.received.codec.decode
+            messages = [(log, decode(data)[0]) for _, log, data in reader.messages(wanted)]
         step = run.scenario.step_ns
         assert [stamp // step for _, stamp in messages] == arrivals.source.tolist()
         assert [log // step for log, _ in messages] == arrivals.sample.tolist()

@@ -12,7 +12,7 @@ from cacc_platoon.formats import Format
 from cacc_platoon.report.html_page import draw_figures, html_page
 from cacc_platoon.report.metrics_json import metrics_document, plain_values
 from cacc_platoon.report.tables import text_table
-from cacc_platoon.reproduction.figure_list import paper_pictures
+from cacc_platoon.reproduction.paper_figures import paper_pictures
 
 if TYPE_CHECKING:
     from cacc_platoon.bags.raw import Progress
