@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -101,35 +102,56 @@ def read_run(
     raw = read_bag(bag, progress)
     info = _read_info(folder, raw)
     notes = [*_unfinished(info), *raw.damage]
-    platoon, scenario = identify(raw, folder, scenario, namespace, notes)
+    scenario = identify(raw, folder, scenario, namespace, notes)
     graph = Graph.of(scenario)
-    topics = graph.roles
-    signals, faults = _decode_all(raw, topics, notes)
-    if not any(len(signal.stamps) for signal in signals.values()):
-        raise BagError(f"{bag}: no message of {platoon.prefix} can be read. Give another bag.")
-    grid = lay_grid(signals.values(), scenario.step_ns)
-    arrivals = read_arrivals(raw, graph, signals, grid, faults)
-    columns = _columns(topics, signals, grid, faults, arrivals)
-    notes += group(faults)
+    samples = _read_samples(raw, graph, scenario.step_ns, notes)
     found = run_digest(_Rows(raw, graph), graph)
     recorded = (info.digest if info else "") or raw.custom_data.get("digest", "")
-    if recorded and recorded != found:
-        notes.append(
-            f"the digest is {found[:12]}, but {recorded[:12]} was written when the run ended: "
-            "the messages are not those that were recorded"
-        )
-    cut = cut_to_samples(scenario, grid, notes)
+    notes += _another_digest(found, recorded)
+    cut = cut_to_samples(scenario, samples.grid, notes)
     return RecordedRun(
         bag,
-        _trajectory(cut, columns, arrivals),
+        _trajectory(cut, samples.columns, samples.arrivals),
         scenario,
-        grid,
+        samples.grid,
         tuple(one_line(note) for note in notes),
         found,
         recorded,
-        sum(len(signal.stamps) for signal in signals.values()),
+        samples.messages,
         info,
     )
+
+
+class _Samples(NamedTuple):
+    """The messages of a platoon, sample by sample."""
+
+    grid: Grid
+    columns: Mapping[Role, Floats]
+    arrivals: Mapping[int, Arrivals]
+    messages: int
+
+
+def _read_samples(raw: RawBag, graph: Graph, step: int, notes: list[str]) -> _Samples:
+    """Decode the messages of a platoon; what is wrong with them is appended to the notes."""
+    signals, faults = _decode_all(raw, graph.roles, notes)
+    messages = sum(len(signal.stamps) for signal in signals.values())
+    if not messages:
+        raise BagError(f"{raw.path}: no message of {graph.prefix} can be read. Give another bag.")
+    grid = lay_grid(signals.values(), step)
+    arrivals = read_arrivals(raw, graph, signals, grid, faults)
+    columns = _columns(graph.roles, signals, grid, faults, arrivals)
+    notes += group(faults)
+    return _Samples(grid, columns, arrivals, messages)
+
+
+def _another_digest(found: str, recorded: str) -> list[str]:
+    """Say so where the messages are not those of the digest that was written with them."""
+    if recorded in ("", found):
+        return []
+    return [
+        f"the digest is {found[:12]}, but {recorded[:12]} was written when the run ended: "
+        "the messages are not those that were recorded"
+    ]
 
 
 def _read_info(folder: Path | None, raw: RawBag) -> RunInfo | None:
@@ -148,8 +170,8 @@ def identify(
     given: Scenario | None,
     namespace: str | None,
     notes: list[str],
-) -> tuple[FoundPlatoon, Scenario]:
-    """Return which platoon of a bag is meant, and its parameters.
+) -> Scenario:
+    """Return the parameters of the platoon of a bag that is meant.
 
     Parameters
     ----------
@@ -175,7 +197,7 @@ def identify(
     hint = given or recorded_scenario(raw, None, None, [])
     platoon = _choose(platoons, raw.path, namespace, hint)
     notes += _other_platoons(platoons, platoon, raw)
-    return platoon, _scenario(raw, platoon, folder, given, notes)
+    return _scenario(raw, platoon, folder, given, notes)
 
 
 def _scenario(

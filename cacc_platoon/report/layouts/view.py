@@ -109,7 +109,7 @@ def view_of(
     if folder and scenario is None and namespace is None and (folder / SCENARIO_FILE).is_file():
         return View.of_scenario(RunFolder(folder).scenario(), _storage(bag))
     raw = read_bag(bag, progress)
-    _, known = identify(raw, folder, scenario, namespace, [])
+    known = identify(raw, folder, scenario, namespace, [])
     graph = Graph.of(known)
     first = graph.vehicles[known.indices[0]]
     graph = dataclasses.replace(
