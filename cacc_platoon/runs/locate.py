@@ -39,5 +39,5 @@ def _salvage(folder: RunFolder) -> None:
     folder.finish(
         scenario,
         recording,
-        RunInfo(EndStatus.FAILED, "salvaged: the run was killed, this is what had been recorded"),
+        RunInfo(EndStatus.FAILED, "its supervisor was killed; this is what had been recorded"),
     )

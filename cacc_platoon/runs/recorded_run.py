@@ -222,7 +222,8 @@ def _unfinished(info: RunInfo | None) -> list[str]:
     """Say what run.json says of a run that did not end well."""
     if info is None or info.status == EndStatus.FINISHED:
         return []
-    return [f"the run {info.status}: {info.message}" if info.message else f"the run {info.status}"]
+    ended = "was interrupted" if info.status == EndStatus.INTERRUPTED else "failed"
+    return [f"the run {ended}: {info.message}" if info.message else f"the run {ended}"]
 
 
 def _why_no_platoon(raw: RawBag) -> str:

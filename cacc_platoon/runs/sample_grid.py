@@ -16,6 +16,7 @@ Booleans = npt.NDArray[np.bool_]
 _NEAR = 100  # samples
 _ABSURD = 1e100  # only damaged bytes are so large; squares of less do not overflow
 _NAMED_RUNS = 3  # so many gaps of one topic are named one by one
+_PLURALS = {"is": "are", "does": "do", "lacks": "lack", "begins": "begin", "ends": "end"}
 
 
 class Fault(NamedTuple):
@@ -236,6 +237,14 @@ def group(faults: Iterable[Fault]) -> list[str]:
         topics[fault.what].append(fault.topic)
     lines = []
     for what, names in topics.items():
-        shown = names[0] if len(names) == 1 else f"{len(names)} topics ({names[0]}, ...)"
-        lines.append(f"{shown}: {what}")
+        if len(names) == 1:
+            lines.append(f"{names[0]}: {what}")
+        else:
+            lines.append(f"{len(names)} topics ({names[0]}, ...): {_of_several(what)}")
     return lines
+
+
+def _of_several(what: str) -> str:
+    """Return what is said of one topic as it is said of several."""
+    verb, space, rest = what.partition(" ")
+    return f"{_PLURALS.get(verb, verb)}{space}{rest}"

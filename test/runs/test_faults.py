@@ -1,5 +1,6 @@
 """Every planted fault is found and named in one line, and no other is."""
 
+import json
 import shutil
 
 import numpy as np
@@ -9,6 +10,7 @@ from cacc_platoon.analysis import analyse
 from cacc_platoon.bags.raw import BagError
 from cacc_platoon.bags.rows import TopicRows
 from cacc_platoon.report import metrics_document
+from cacc_platoon.runs.locate import locate
 from cacc_platoon.runs.recorded_run import read_run
 from msg_adapters.topics import VehicleTopics
 
@@ -113,6 +115,19 @@ def test_wrong_type(bags, tmp_path, scenario, recording):
     )
 
 
+def test_what_several_topics_share_is_said_of_them_together(bags, tmp_path, scenario, recording):
+    accel = recording[SECOND.accel.name]
+    wrong = {**recording, POSE: accel, VehicleTopics("/platoon", 3).pose.name: accel}
+    short = bags.edited(wrong, SECOND.twist.name, lambda rows: rows[:-20])
+    short = bags.edited(short, SECOND.accel.name, lambda rows: rows[:-20])
+    findings = read_run(bags.bag(tmp_path / "bag", scenario, short)).findings
+    assert findings == (
+        f"2 topics ({POSE}, ...): are geometry_msgs/msg/AccelStamped, not "
+        "geometry_msgs/msg/PoseStamped; left out",
+        f"2 topics ({SECOND.twist.name}, ...): end early: at sample 280 (2.8 s)",
+    )
+
+
 def test_damaged_stamp_does_not_stretch_the_run(bags, tmp_path, scenario, recording):
     def late(rows):
         rows[150] = SECOND.pose.codec.encode_many([2**31 * 10**9 - 5], [0.0])[0]
@@ -122,6 +137,21 @@ def test_damaged_stamp_does_not_stretch_the_run(bags, tmp_path, scenario, record
     assert run.grid.samples == 301
     assert any("stamps outside of the run, left out: 1" in line for line in run.findings)
     assert any("gap: sample 150" in line for line in run.findings)
+
+
+@pytest.mark.parametrize(
+    ("status", "message", "finding"),
+    [
+        ("failed", "no progress for 10 s", "the run failed: no progress for 10 s"),
+        ("failed", "", "the run failed"),
+        ("interrupted", "stopped by SIGINT", "the run was interrupted: stopped by SIGINT"),
+    ],
+)
+def test_run_that_did_not_finish(run_folder, status, message, finding):
+    file = run_folder / "run.json"
+    info = {**json.loads(file.read_text()), "status": status, "message": message}
+    file.write_text(json.dumps(info))
+    assert read_run(*locate(run_folder)).findings == (finding,)
 
 
 def test_altered_message_changes_the_digest(run_folder):
