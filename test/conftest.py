@@ -127,14 +127,14 @@ def make_bag(path, scenario, recording, custom=None):
 
 
 def make_foreign_bag(
-    path, scenario, recording, plugin=StoragePlugin.SQLITE3, *, told=True, compression=None
+    path, scenario, recording, plugin=StoragePlugin.SQLITE3, *, with_scenario=True, compression=None
 ):
-    """Write a bag as another tool would: topic by topic, log times apart from stamps."""
+    """Write a bag as another tool would: topic by topic, with log times that differ from stamps."""
     writer = Writer(path, version=9, storage_plugin=plugin)
     if compression:
         writer.set_compression(compression, CompressionFormat.ZSTD)
     with writer:
-        if told:
+        if with_scenario:
             topic = PlatoonTopics(scenario.platoon.namespace).scenario
             connection = writer.add_connection(topic, "std_msgs/msg/String", typestore=typestore())
             writer.write(connection, 1_000, encode_string(format_scenario(scenario)))
@@ -193,5 +193,5 @@ def whole_run(tmp_path_factory, scenario):
 
 @pytest.fixture
 def run_folder(whole_run, tmp_path):
-    """A run folder of one's own."""
+    """A run folder that the test may change."""
     return shutil.copytree(whole_run, tmp_path / "run")

@@ -22,7 +22,7 @@ from cacc_platoon.simulation import simulate
 OLD = Path(__file__).parent / "data" / "format_0"
 DIGEST = "2ab307fc085c81a3e4ffecea87567a952b770934aeb9b5874ebbae79f239c66a"
 KILLED_DIGEST = "71188287a3c9b7195c605033cc2154ca2525e4cb4ee4ffc0556a1086369c81e7"
-"""As the software that wrote them said, the second one in its report."""
+"""As the software that wrote the files recorded them, the second one in its report."""
 HEADLINE = "# cacc_platoon scenario, format "
 
 

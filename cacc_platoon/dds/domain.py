@@ -1,4 +1,4 @@
-"""A DDS domain that nobody else on this machine uses."""
+"""A DDS domain that no other process on this machine uses."""
 
 from __future__ import annotations
 

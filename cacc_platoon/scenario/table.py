@@ -80,7 +80,7 @@ class Controller:
         consequence="spacing errors would never be corrected",
     )
     law: str = parameter(
-        "", "-", "a control law of your own, module:Class, in place of time headway and gains"
+        "", "-", "a custom control law, module:Class, in place of time headway and gains"
     )
 
 
@@ -129,9 +129,7 @@ class V2V:
         "what a follower uses while packets are lost: the newest value, or zero",
         choices=("hold", "zero"),
     )
-    channel: str = parameter(
-        "", "-", "a channel of your own, module:Class, in place of noise and loss"
-    )
+    channel: str = parameter("", "-", "a custom channel, module:Class, in place of noise and loss")
 
 
 @dataclass(frozen=True)

@@ -81,7 +81,7 @@ class Conductor:
     Parameters
     ----------
     node : SupervisorNode
-        Speaks for the supervisor.
+        The node of the supervisor.
     executor : Executor
         Spins it.
     machine : RunMachine

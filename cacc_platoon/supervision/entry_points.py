@@ -52,7 +52,7 @@ Record the topics of a whole platoon, for nodes started manually that do not rec
   ros2 run cacc_platoon recorder --ros-args -r __ns:=/platoon \\
       --params-file config/paper_a.yaml -p record:=DIR
 
-The supervisor does this by itself for what nobody else records."""
+The supervisor does this by itself for topics that no node records."""
 
 Made = TypeVar("Made")
 

@@ -3,7 +3,7 @@
 A host publishes its `HostState` on <prefix>/host_state, the supervisor its `RunStatus` on
 <prefix>/status. Anybody may publish on these topics, so a text is checked field by field before
 anything is done with it: `from_json` returns a record or raises ProtocolError, nothing else. Keys
-that are not known are passed over; whatever changes the meaning of a known one is a new VERSION.
+that are not known are ignored; whatever changes the meaning of a known one is a new VERSION.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class RunPhase(StrEnum):
 
 @dataclass(frozen=True)
 class HostState:
-    """What a host says of itself.
+    """What a host reports of itself.
 
     Attributes
     ----------

@@ -1,8 +1,8 @@
 """One real node in a process of its own, given what was recorded; its answers are kept.
 
-The process that replays is supervisor, predecessor and relay at once. It speaks to the node over
-DDS only, and obeys the horizon as a leader does: it is never more than the lockstep window ahead
-of the answers.
+The process that replays is supervisor, predecessor and relay at once. Its messages reach the
+node over DDS only, and it keeps to the horizon as a leader does: it is never more than the lockstep
+window ahead of the answers.
 """
 
 from __future__ import annotations

@@ -209,7 +209,7 @@ class Platoon:
         self.wait(lambda: self._sample >= sample, timeout, f"sample {sample}")
 
     def wait(self, condition: Callable[[], bool], timeout: float, what: str) -> None:
-        """Wait for a condition, hearing the platoon meanwhile.
+        """Wait for a condition; messages are received meanwhile.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""Lossy runs measured and judged: loss, age of information, and what is said of which system."""
+"""Lossy runs measured and judged: loss, age of information, and which system is judged."""
 
 import dataclasses
 import sys
@@ -43,8 +43,8 @@ def test_loss_and_age_of_a_run():
 def test_more_loss_than_the_scenario_explains_voids_the_certificate():
     run = simulate(lossy(0.3, "zero"))
     mild = lossy(0.05, "zero", **{"controller.time_headway": 1.3})
-    told = dataclasses.replace(run, scenario=mild)
-    verdict = judge(mild, None, None, link_reception(told))
+    mild_run = dataclasses.replace(run, scenario=mild)
+    verdict = judge(mild, None, None, link_reception(mild_run))
     assert any("lost more packets than v2v.loss explains" in reason for reason in verdict.void)
 
 

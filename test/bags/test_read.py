@@ -71,7 +71,7 @@ def test_one_storage_file_is_enough(whole_run, scenario):
 
 def test_namespace_and_vehicle_count_come_from_the_topics(bags, tmp_path):
     scenario = bags.scenario({"platoon.namespace": "/city/east", "platoon.followers": 2})
-    bag = bags.foreign(tmp_path / "bag", scenario, bags.record(scenario), told=False)
+    bag = bags.foreign(tmp_path / "bag", scenario, bags.record(scenario), with_scenario=False)
     with pytest.raises(BagError, match=r"holds no scenario.*--scenario FILE"):
         read_run(bag)
     run = read_run(bag, scenario=bags.scenario())  # 3 followers below /platoon
@@ -120,7 +120,7 @@ def test_second_reader_agrees(whole_run):
 
 
 def test_wall_time_stamps_are_interpolated(bags, tmp_path, scenario, recording):
-    """Stamps with jitter, counted from an epoch: said, and near the truth."""
+    """Stamps with jitter, counted from an epoch: reported, and near the truth."""
     generator = np.random.default_rng(5)
     jittered = dict(recording)
     for index in range(4):
@@ -137,5 +137,5 @@ def test_wall_time_stamps_are_interpolated(bags, tmp_path, scenario, recording):
     assert not run.grid.exact
     truth = simulate(scenario)
     both = min(len(truth.velocity), len(run.trajectory.velocity))
-    apart = np.abs(run.trajectory.velocity[:both] - truth.velocity[:both])
-    assert np.nanmax(apart) < 0.05
+    difference = np.abs(run.trajectory.velocity[:both] - truth.velocity[:both])
+    assert np.nanmax(difference) < 0.05

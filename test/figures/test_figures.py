@@ -95,11 +95,11 @@ def test_svg_stands_alone_and_is_the_same_every_time():
 
 def test_one_file_says_how_figures_look():
     room = Path(style.__file__).parent
-    for told, where in (
+    for pattern, where in (
         (r"rcParams|rc_context|FigureCanvas", room.parent),
         (r"#[\dA-Fa-f]{6}", room),
     ):
-        files = [path for path in where.rglob("*.py") if re.search(told, path.read_text())]
+        files = [path for path in where.rglob("*.py") if re.search(pattern, path.read_text())]
         assert files == [Path(style.__file__)]
 
 
@@ -111,7 +111,7 @@ def test_png_and_svg_show_the_same(tmp_path):
     assert (width, height) == (style.WIDTH * style.PIXELS_PER_INCH, 2 * style.PIXELS_PER_INCH)
 
 
-def test_colours_can_be_told_apart_by_lightness():
+def test_colours_differ_in_lightness():
     """Neighbours along the platoon differ in one direction of lightness, for any colour vision."""
     colours = np.array(style.vehicle_colours(12))[:, :3]
     lightness = colours @ [0.2126, 0.7152, 0.0722]

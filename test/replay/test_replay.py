@@ -75,9 +75,9 @@ def found_difference(record, replayed) -> Difference:
 def test_inputs_and_outputs_of_every_node(tmp_path):
     bag = make_bag(tmp_path / "bag")
     own = [topic.name for topic in (OWN.pose, OWN.twist, OWN.accel)]
-    heard = [topic.name for topic in (AHEAD.pose, AHEAD.twist, OWN.received)]
+    subscribed = [topic.name for topic in (AHEAD.pose, AHEAD.twist, OWN.received)]
     for node, inputs, outputs in (
-        ("vehicle", heard, own),
+        ("vehicle", subscribed, own),
         ("noise_relay", [AHEAD.accel.name], [OWN.received.name]),
     ):
         record = read_node(bag, 2, node)
@@ -129,7 +129,7 @@ def test_padding_does_not_count(tmp_path):
     assert found_difference(record, replayed).sample == 4
 
 
-def test_the_first_difference_in_time_is_told(tmp_path):
+def test_the_first_difference_in_time_is_reported(tmp_path):
     record = read_node(make_bag(tmp_path / "bag"), 2)
     replayed = answers(record)
     for topic, sample in ((OWN.pose, 120), (OWN.accel, 60), (OWN.twist, 61)):
@@ -160,7 +160,7 @@ def test_it_goes_as_far_as_the_bag(tmp_path, topic, length, samples):
     assert first_difference(record, answers(record)) is None
 
 
-def test_a_gap_in_what_the_vehicle_said_is_a_difference(tmp_path):
+def test_a_gap_in_what_the_vehicle_published_is_a_difference(tmp_path):
     record = read_node(make_bag(tmp_path / "bag", v2_twist=lambda r: np.delete(r, 70, axis=0)), 2)
     difference = found_difference(record, answers(record))
     assert (difference.topic, difference.sample) == (OWN.twist.name, 70)
@@ -205,27 +205,27 @@ def test_a_missing_topic_is_refused_in_one_line(tmp_path, topic):
 
 
 @pytest.mark.parametrize(
-    ("index", "node", "said"),
+    ("index", "node", "message"),
     [
         (4, None, "has no vehicle of vehicle_4; vehicle_0 leads and 1 to 3 follow"),
         (0, "noise_relay", "has no noise_relay of vehicle_0"),
         (2, "leader", "vehicle_2 does not lead"),
     ],
 )
-def test_a_node_that_was_not_there_is_refused(tmp_path, index, node, said):
-    with pytest.raises(UserError, match=said):
+def test_a_node_that_was_not_there_is_refused(tmp_path, index, node, message):
+    with pytest.raises(UserError, match=message):
         read_node(make_bag(tmp_path / "bag"), index, node)
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         (lambda rows: rows[5:], "does not begin with sample 0"),
         (lambda rows: rows[:, :-8], "has messages of another layout"),
     ],
 )
-def test_a_topic_that_cannot_be_replayed_is_refused(tmp_path, change, said):
-    with pytest.raises(UserError, match=said):
+def test_a_topic_that_cannot_be_replayed_is_refused(tmp_path, change, message):
+    with pytest.raises(UserError, match=message):
         read_node(make_bag(tmp_path / "bag", v2_pose=change), 2)
 
 

@@ -192,8 +192,8 @@ def test_killed_before_anything_was_recorded(tmp_path, scenario, capsys):
     assert "before anything was recorded" in capsys.readouterr().err
 
 
-def test_collision_is_said_at_the_top(bags, tmp_path):
-    """The leader brakes hard and nobody heeds it."""
+def test_collision_is_reported_at_the_top(bags, tmp_path):
+    """The leader brakes hard and no follower reacts."""
     braking = bags.scenario(
         {
             "leader.profile": "brake",

@@ -23,7 +23,7 @@ def order(*samples):
 
 
 @pytest.mark.parametrize(
-    ("edit", "said"),
+    ("edit", "finding"),
     [
         (lambda rows: np.delete(rows, 150, axis=0), "gap: sample 150 (1.5 s) is missing"),
         (
@@ -43,10 +43,10 @@ def order(*samples):
         (lambda rows: rows[:, :60], "unreadable messages, left out: 301"),
     ],
 )
-def test_fault_of_one_topic(bags, tmp_path, recording, edit, said):
+def test_fault_of_one_topic(bags, tmp_path, recording, edit, finding):
     run = read_run(bags.bag(tmp_path / "bag", bags.scenario(), bags.edited(recording, POSE, edit)))
-    assert f"{POSE}: {said}" in run.findings
-    extra = [line for line in run.findings if said not in line]
+    assert f"{POSE}: {finding}" in run.findings
+    extra = [line for line in run.findings if finding not in line]
     assert extra in ([], [f"{POSE}: no message"])
 
 
@@ -115,7 +115,7 @@ def test_wrong_type(bags, tmp_path, scenario, recording):
     )
 
 
-def test_what_several_topics_share_is_said_of_them_together(bags, tmp_path, scenario, recording):
+def test_what_several_topics_share_is_one_finding(bags, tmp_path, scenario, recording):
     accel = recording[SECOND.accel.name]
     wrong = {**recording, POSE: accel, VehicleTopics("/platoon", 3).pose.name: accel}
     short = bags.edited(wrong, SECOND.twist.name, lambda rows: rows[:-20])
@@ -182,13 +182,13 @@ def test_truncated_file_is_read_as_far_as_it_goes(bags, tmp_path, recording, sha
 
 
 @pytest.mark.parametrize(
-    ("content", "said"),
+    ("content", "message"),
     [(b"", "is empty"), (b"hello world, this is no bag", "is not an MCAP file")],
 )
-def test_no_bag(tmp_path, content, said):
+def test_no_bag(tmp_path, content, message):
     file = tmp_path / "bag.mcap"
     file.write_bytes(content)
-    with pytest.raises(BagError, match=said):
+    with pytest.raises(BagError, match=message):
         read_run(file)
 
 

@@ -94,7 +94,7 @@ def test_a_leader_that_was_not_read_is_no_leader(front):
 
 
 @pytest.mark.parametrize(
-    ("more", "said"),
+    ("more", "message"),
     [
         ({"leader__vehicle": 9}, r"vehicles 0 to 3 of /platoon and not leader.vehicle = 9"),
         ({"run__step": 0.02}, r"recorded with run.step = 0.01 s and this run has 0.02 s"),
@@ -103,8 +103,8 @@ def test_a_leader_that_was_not_read_is_no_leader(front):
         ({"leader__digest": "0" * 64}, r"has changed: .*/vehicle_3 has the digest \w{12} and"),
     ],
 )
-def test_what_cannot_lead_is_refused_in_one_line(front, more, said):
-    with pytest.raises(UserError, match=said) as refusal:
+def test_what_cannot_lead_is_refused_in_one_line(front, more, message):
+    with pytest.raises(UserError, match=message) as refusal:
         with_recorded_leader(chained(front, **more))
     assert "\n" not in str(refusal.value)
 
@@ -160,7 +160,7 @@ LEADER = VehicleTopics("/platoon", 3)
 
 
 @pytest.mark.parametrize(
-    ("topic", "change", "said"),
+    ("topic", "change", "message"),
     [
         (LEADER.accel, with_value(LEADER.accel, 0, 0.5), r"accelerate at 0.5 m/s\^2 at time 0"),
         (LEADER.twist, with_value(LEADER.twist, 9, np.nan), r"has a twist that is not finite"),
@@ -169,8 +169,8 @@ LEADER = VehicleTopics("/platoon", 3)
         (LEADER.accel, lambda rows: rows[:, :-8], r"messages of another frame"),
     ],
 )
-def test_a_recording_that_cannot_lead_is_refused(front, tmp_path, topic, change, said):
-    with pytest.raises(UserError, match=said):
+def test_a_recording_that_cannot_lead_is_refused(front, tmp_path, topic, change, message):
+    with pytest.raises(UserError, match=message):
         with_recorded_leader(chained(spoiled(front, tmp_path, topic, change)))
 
 

@@ -102,7 +102,7 @@ def test_sections_are_for_the_numbers_of_the_whole():
 
 
 @pytest.mark.parametrize(
-    ("values", "overrides", "said"),
+    ("values", "overrides", "message"),
     [
         ({"platoon.first_follower": 0}, {}, "platoon.first_follower = 0 must be >= 1 and <= 500"),
         ({"platoon.first_follower": 490}, {}, "vehicle_501 the last of 12 followers, beyond 500"),
@@ -110,6 +110,6 @@ def test_sections_are_for_the_numbers_of_the_whole():
         ({"leader.profile": "bag"}, {}, "leader.file = '' must name a file when profile is bag"),
     ],
 )
-def test_numbers_that_cannot_be_are_refused(values, overrides, said):
-    with pytest.raises(ScenarioError, match=said):
+def test_numbers_that_cannot_be_are_refused(values, overrides, message):
+    with pytest.raises(ScenarioError, match=message):
         Scenario.from_values(values, overrides)

@@ -67,10 +67,10 @@ def test_a_channel_of_ones_own_may_be_late():
 def test_the_mean_of_400_runs_is_the_mean_system(reception):
     scenario = lossy(reception, **{"run.duration": 20.0, "run.step": 0.02})
     mean, ensemble = simulate_mean(scenario), monte_carlo(scenario, 400)
-    apart = np.abs(ensemble.mean - mean.spacing_error)
+    deviation = np.abs(ensemble.mean - mean.spacing_error)
     known = ensemble.standard_error > 1e-9  # below, the spread is rounding
     assert known.mean() > 0.5
-    assert np.max(apart[known] / ensemble.standard_error[known]) < 4.0
+    assert np.max(deviation[known] / ensemble.standard_error[known]) < 4.0
     # the wrong mean is far away: a receiver that holds has not the mean of one that takes zero
     other = simulate_mean(scenario.with_values({"v2v.reception": OTHER[reception]}))
     wrong = np.abs(ensemble.mean - other.spacing_error)

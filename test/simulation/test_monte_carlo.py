@@ -73,8 +73,8 @@ def test_an_ensemble_is_of_the_scenario_as_it_is(values):
     scenario = SHORT.with_values(values)
     ensemble, mean = monte_carlo(scenario, runs=200), simulate_mean(scenario).spacing_error
     known = ensemble.standard_error > 1e-9
-    apart = np.abs(ensemble.mean - mean)[known] / ensemble.standard_error[known]
-    assert np.max(apart) < 4.5
+    deviation = np.abs(ensemble.mean - mean)[known] / ensemble.standard_error[known]
+    assert np.max(deviation) < 4.5
 
 
 def test_one_run_has_no_spread():
@@ -84,10 +84,10 @@ def test_one_run_has_no_spread():
 
 
 @pytest.mark.usefixtures("batches_of_seven")
-def test_progress_is_told():
-    told = []
-    monte_carlo(SHORT, runs=17, progress=lambda *at: told.append(at))
-    assert told == [(7, 17), (14, 17), (17, 17)]
+def test_progress_is_reported():
+    calls = []
+    monte_carlo(SHORT, runs=17, progress=lambda *at: calls.append(at))
+    assert calls == [(7, 17), (14, 17), (17, 17)]
 
 
 @pytest.mark.parametrize("seed", [0, 2**63 - 1])

@@ -206,10 +206,10 @@ def test_what_a_trajectory_says_of_itself():
     np.testing.assert_allclose(run.gap, 5.0 + headway * run.velocity[:, 1:] - run.spacing_error)
 
 
-def test_progress_is_told():
-    told = []
-    simulate(Scenario.from_values({"run.duration": 15.0}), progress=lambda *at: told.append(at))
-    assert told == [(0, 1501), (500, 1501), (1000, 1501)]
+def test_progress_is_reported():
+    calls = []
+    simulate(Scenario.from_values({"run.duration": 15.0}), progress=lambda *at: calls.append(at))
+    assert calls == [(0, 1501), (500, 1501), (1000, 1501)]
 
 
 @pytest.mark.parametrize("first", [1, 40])

@@ -92,17 +92,17 @@ def test_any_failure_can_be_sent() -> None:
 
 @pytest.mark.parametrize("phase", list(RunPhase))
 def test_the_end_of_the_run_is_the_end_of_the_host(phase: RunPhase) -> None:
-    told = host().take_status(status(phase), 1.0)
-    assert told.ended == (phase in ("finished", "failed"))
-    assert told.finished == (phase == "finished")
+    updated = host().take_status(status(phase), 1.0)
+    assert updated.ended == (phase in ("finished", "failed"))
+    assert updated.finished == (phase == "finished")
 
 
 def test_a_supervisor_that_falls_silent_has_abandoned_its_hosts() -> None:
-    told = host().take_status(status(RunPhase.RUNNING), 100.0)
-    assert not told.abandoned(109.0)
-    assert told.abandoned(109.1)
-    assert not told.take_status(status(RunPhase.RUNNING), 105.0).abandoned(109.1)
-    assert told.take_status(status(RunPhase.RUNNING, run="beef"), 105.0).abandoned(109.1)
+    updated = host().take_status(status(RunPhase.RUNNING), 100.0)
+    assert not updated.abandoned(109.0)
+    assert updated.abandoned(109.1)
+    assert not updated.take_status(status(RunPhase.RUNNING), 105.0).abandoned(109.1)
+    assert updated.take_status(status(RunPhase.RUNNING, run="beef"), 105.0).abandoned(109.1)
 
 
 def test_a_host_that_has_met_no_supervisor_waits_for_ever() -> None:

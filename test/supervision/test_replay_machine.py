@@ -48,7 +48,7 @@ def go(run: Run, now: float, *events: Event) -> tuple[Run, list[Action]]:
 def running() -> Run:
     """Return a replay that has begun to give samples, at 1.2 s."""
     run, actions = go(MACHINE.begin("f00d", 1.0), 1.02)
-    assert StartHosts() in actions, "nobody is looked out for before"
+    assert StartHosts() in actions, "a replay starts without looking for other platoons"
     run, actions = go(run, 1.1, HostReported(NODES_HOST), HostReported(OWN_HOST))
     assert FollowRecorder(REPLAYER) in actions
     matched = [

@@ -374,7 +374,7 @@ def test_a_foreign_publisher_is_seen_before_the_leader_goes() -> None:
     assert play.run.phase is RunPhase.FAILED
 
 
-def test_everybody_is_told_how_many_subscribers_to_wait_for() -> None:
+def test_the_status_has_how_many_subscribers_to_wait_for() -> None:
     play = Play().matching()
     status = play.machine.status(play.run, {TOPICS[0]: 2, TOPICS[1]: 0})
     assert status.subscribers == {TOPICS[0]: 3, TOPICS[1]: 0}
@@ -510,7 +510,7 @@ def test_a_foreign_publisher_in_the_graph_ends_the_run(stage: str) -> None:
     assert play.run.end == EndRun(EndStatus.FAILED, f"{play.foreign[0]}. {ADVICE}")
 
 
-def test_everybody_is_told_now_and_then_that_the_supervisor_lives() -> None:
+def test_the_status_is_repeated_periodically_while_the_supervisor_lives() -> None:
     play = Play(run__stall_timeout=100.0).running()
     beats = sum(PublishStatus() in play.after(TICK) for _ in range(100))
     assert beats == pytest.approx(100 * TICK / HEARTBEAT_PERIOD, abs=1)
@@ -593,7 +593,7 @@ def test_a_process_that_ends_before_its_host_appears_is_named() -> None:
     )
 
 
-def test_what_a_host_said_counts_more_than_that_its_process_is_gone() -> None:
+def test_what_a_host_reported_counts_more_than_that_its_process_is_gone() -> None:
     play = Play().running()
     gone = ProcessEnded("rear", 101, "ended with exit code 1")
     play.after(TICK, gone, failed(REAR, "the disk is full"))

@@ -44,9 +44,9 @@ def main() -> None:
     Path(sys.argv[3]).touch()
     while not sum(counts.values()):  # on a loaded machine the run may take a while to start
         executor.spin_once(timeout_sec=0.1)
-    heard = -1
-    while min(counts.values()) < samples and sum(counts.values()) > heard:
-        heard = sum(counts.values())
+    received = -1
+    while min(counts.values()) < samples and sum(counts.values()) > received:
+        received = sum(counts.values())
         executor.spin_until_future_complete(Future(), timeout_sec=5.0)
     lines = sorted(f"{name} {value.hexdigest()}\n" for name, value in hashes.items())
     Path(sys.argv[4]).write_text(hashlib.sha256("".join(lines).encode()).hexdigest())

@@ -1,4 +1,4 @@
-"""A channel and a control law of one's own, named by a scenario as own_parts:<name>."""
+"""A custom channel and control law, named by a scenario as own_parts:<name>."""
 
 from cacc_platoon.model import ComposedChannel, ContentNoise, IndependentLoss, Packets
 from cacc_platoon.scenario import Follower

@@ -17,7 +17,7 @@ pytestmark = pytest.mark.usefixtures("nothing_left")
 
 
 def run(folder: Path, *flags: str, settings: tuple[str, ...] = SMALL) -> str:
-    """Run the command and return what it said on standard error."""
+    """Run the command and return what it printed on standard error."""
     command = [sys.executable, "-m", "cacc_platoon", "run", str(PAPER_A), "-o", str(folder)]
     command += [*flags, "--no-report", *(f"--set={setting}" for setting in settings)]
     with own_domain() as domain:
@@ -37,15 +37,15 @@ def test_every_process_has_a_log_in_the_run_folder(tmp_path: Path) -> None:
         "host_1.log",
     }
     supervisor = (logs / "supervisor.log").read_text()
-    for said in ("looking around", "starting nodes", "connecting nodes", "running", "finished"):
-        assert f" supervisor: {said}" in supervisor or f": {said}\n" in supervisor
-    for said in ("host 0: up", "host 1: matched", "host 0: closed"):
-        assert said in supervisor
+    for message in ("looking around", "starting nodes", "connecting nodes", "running", "finished"):
+        assert f" supervisor: {message}" in supervisor or f": {message}\n" in supervisor
+    for message in ("host 0: up", "host 1: matched", "host 0: closed"):
+        assert message in supervisor
     for name in ("host_0", "host_1"):
         text = (logs / f"{name}.log").read_text()
         assert f" {name}: " in text
-        for said in ("matching", "matched", "running", "finished", "closed"):
-            assert f": {said}\n" in text
+        for message in ("matching", "matched", "running", "finished", "closed"):
+            assert f": {message}\n" in text
         assert len(text.splitlines()) < 12, "nothing is logged for every sample"
         assert text not in errors
 

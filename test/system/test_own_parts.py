@@ -1,4 +1,4 @@
-"""A controller of one's own among ours."""
+"""A custom controller among the nodes of the package."""
 
 import re
 import subprocess

@@ -52,7 +52,7 @@ def replay(*arguments: object) -> subprocess.CompletedProcess[str]:
 
 
 def own_lines(errors: str) -> list[str]:
-    """Return what we said; Fast DDS complains there when others use its shared memory too."""
+    """Return the lines of platoon itself; Fast DDS prints errors of other processes there too."""
     assert "Traceback" not in errors
     return [line for line in errors.splitlines() if line.startswith("platoon: ")]
 

@@ -172,15 +172,15 @@ def test_a_gain_of_one_vehicle_changes_what_is_downstream(platoon: Start) -> Non
 def test_an_outside_subscriber_sees_the_same_bits(platoon: Start, tmp_path: Path) -> None:
     settings = ("run.duration=10", "run.manual_nodes=[vehicle_1/noise_relay]")
     run = platoon(*settings, "run.real_time_factor=2", hosts=2)
-    listening, heard = tmp_path / "listening", tmp_path / "heard"
-    command = [sys.executable, str(LISTENER), "12", "1001", str(listening), str(heard)]
+    ready, digest = tmp_path / "ready", tmp_path / "digest"
+    command = [sys.executable, str(LISTENER), "12", "1001", str(ready), str(digest)]
     with subprocess.Popen(command, env=run.environment()) as listener:
         try:
-            run.wait(listening.exists, 60, "the listener")
+            run.wait(ready.exists, 60, "the listener")
             run.start("vehicle_1/noise_relay")
             result = run.result()
             listener.wait(timeout=60)
         finally:
             listener.kill()
     assert result.digest == simulated_digest(load_scenario(PAPER_A, settings))
-    assert heard.read_text() == result.digest
+    assert digest.read_text() == result.digest

@@ -125,10 +125,10 @@ def test_a_parameter_file_that_is_none(tmp_path: Path) -> None:
     done = executable(
         "vehicle", "-r", "__ns:=/platoon/vehicle_1", "--params-file", str(tmp_path / "broken.yaml")
     )
-    said = [line for line in done.stderr.splitlines() if "[rcl]" not in line]
+    lines = [line for line in done.stderr.splitlines() if "[rcl]" not in line]
     assert done.returncode == 2
-    assert len(said) == 1
-    assert "broken.yaml" in said[0]
+    assert len(lines) == 1
+    assert "broken.yaml" in lines[0]
 
 
 def test_a_recorder_without_a_folder() -> None:

@@ -1,4 +1,4 @@
-"""Why a design fails, said by value, rule, consequence and remedy; and the remedies work."""
+"""Why a design fails, stated by value, rule, consequence and remedy; and the remedies work."""
 
 import re
 
@@ -52,7 +52,7 @@ def test_failures_name_value_rule_and_remedy_and_the_remedy_works(gains, words):
         assert region.contains(gains.k_p, (low + high) / 2)
 
 
-def test_the_condition_said_to_be_broken_is_the_one_that_is():
+def test_the_condition_named_as_broken_is_the_one_that_is():
     """C = k_p (h (2 k_v + h k_p) - 2 (1 - k)) at k = 0.4; at k = 0.6 only the other one breaks."""
     slow = failure_of(A._replace(k_v=0.5)).consequence
     assert "slow disturbances" in slow

@@ -121,12 +121,12 @@ def simulated_gain(gains, tau, k, period, theta, stale):  # noqa: PLR0917
     vehicles, before = [State(0.0, 0.0, 0.0)] * 3, [0.0] * 3
     speeds = np.empty((steps, 3))
     for i in range(steps):
-        heard = before if stale else [v.acceleration for v in vehicles]
+        received = before if stale else [v.acceleration for v in vehicles]
         before = [v.acceleration for v in vehicles]
         commands = [np.cos(theta * i)]
         for j, (ahead, me) in enumerate(itertools.pairwise(vehicles)):
             delta = me.position - ahead.position + h * me.velocity
-            commands.append(k * heard[j] - k_v * (me.velocity - ahead.velocity) - k_p * delta)
+            commands.append(k * received[j] - k_v * (me.velocity - ahead.velocity) - k_p * delta)
         speeds[i] = [v.velocity for v in vehicles]
         vehicles = [plant.advance(v, float(u)) for v, u in zip(vehicles, commands, strict=True)]
     last = np.arange(steps // 2, steps)
