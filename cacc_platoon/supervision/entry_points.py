@@ -27,6 +27,8 @@ from cacc_platoon.scenario.names import NodeKind, NodeName
 from cacc_platoon.stop_signal import StopSignal
 from cacc_platoon.supervision.host import POLL_PERIOD, serve
 from cacc_platoon.supervision.host_session import HostSession
+from cacc_platoon.supervision.log import LOG, forward_log
+from cacc_platoon.supervision.protocol import sendable
 from msg_adapters.topics import Graph
 
 BAD_INPUT = 2
@@ -44,7 +46,7 @@ Draw a platoon for RViz: a box and a number for each vehicle, on <prefix>/marker
 
   ros2 run cacc_platoon markers --ros-args -r __ns:=/platoon --params-file config/paper_a.yaml
 
-Works beside a run and beside `ros2 bag play`; config/ holds an RViz configuration."""
+Works beside a run and beside `ros2 bag play`; `platoon layout` writes an RViz configuration."""
 
 RECORDER_HELP = """\
 Record the topics of a whole platoon, for nodes started manually that do not record themselves.
@@ -89,9 +91,10 @@ def _run_node(name: str, create: Callable[[], PlatoonNode], example_index: int) 
         if recorder is None:
             return BAD_INPUT
     nodes: list[Node] = [node, recorder] if recorder else [node]
+    _log_through(node)
     records, part = (recorder.recorded, str(recorder.folder)) if recorder else ([], "")
     session = HostSession(host, nodes, node.scenario, records=records, part=part)
-    node.get_logger().info("waiting for the supervisor")
+    LOG.info("waiting for the supervisor")
     return serve(nodes, session, recorder, stop)
 
 
@@ -118,6 +121,12 @@ def start(create: Callable[[], Made]) -> Made | None:
     return None
 
 
+def _log_through(node: Node) -> None:
+    """From now on this process logs as ROS nodes do: on the console and below ROS_LOG_DIR."""
+    logger = node.get_logger()
+    forward_log(lambda message: logger.info(sendable(message)))
+
+
 def text_parameter(node: Node, name: str) -> str:
     """Return a node's own text parameter, empty when it was not given."""
     value: Any = node.get_parameter(name).value if node.has_parameter(name) else ""
@@ -132,9 +141,10 @@ def recorder() -> int:
     made = start(_manual_recorder)
     if made is None:
         return BAD_INPUT
+    _log_through(made)
     part = str(made.folder)
     session = HostSession("recorder", [made], made.scenario, records=made.recorded, part=part)
-    made.get_logger().info("waiting for the supervisor")
+    LOG.info("waiting for the supervisor")
     return serve([made], session, made, stop)
 
 

@@ -54,14 +54,14 @@ class HostMachine:
         How long the supervisor may be silent before it counts as gone [s].
     status : RunStatus, optional
         The last word of the supervisor of its run.
-    heard_at : float, optional
+    received_at : float, optional
         When that came [s].
     """
 
     state: HostState
     silence_limit: float
     status: RunStatus | None = None
-    heard_at: float | None = None
+    received_at: float | None = None
 
     @property
     def awaits_connections(self) -> bool:
@@ -80,14 +80,14 @@ class HostMachine:
 
     def abandoned(self, now: float) -> bool:
         """Whether the supervisor was there once and has fallen silent."""
-        return self.heard_at is not None and now - self.heard_at > self.silence_limit
+        return self.received_at is not None and now - self.received_at > self.silence_limit
 
     def take_status(self, status: RunStatus, now: float) -> HostMachine:
-        """Take note of what a supervisor says; without a run, this is the one to belong to."""
+        """Take note of a supervisor's status; without a run, its run is the one to belong to."""
         state = self.state if self.state.run else replace(self.state, run=status.run)
         if status.run != state.run:
             return self
-        return replace(self, state=state, status=status, heard_at=now)
+        return replace(self, state=state, status=status, received_at=now)
 
     def take_connections(self, endpoints: Iterable[Endpoint]) -> HostMachine:
         """Take note of the connections that are there, when they are waited for."""

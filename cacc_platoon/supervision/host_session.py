@@ -20,7 +20,7 @@ from cacc_platoon.scenario import Scenario
 from cacc_platoon.supervision.agreement import shared_parameters
 from cacc_platoon.supervision.host_machine import Endpoint, HostMachine
 from cacc_platoon.supervision.log import LOG
-from cacc_platoon.supervision.protocol import HostState, ProtocolError, RunStatus
+from cacc_platoon.supervision.protocol import HostPhase, HostState, ProtocolError, RunStatus
 from msg_adapters.topics import PlatoonTopics
 
 
@@ -124,8 +124,11 @@ class HostSession:
         before, self._machine = self._machine.state, machine
         if machine.state == before:
             return
-        if machine.state.phase is not before.phase:
-            LOG.info("host %s: %s", self.host, machine.state.failure or machine.state.phase)
+        phase = machine.state.phase
+        if phase is HostPhase.FAILED and phase is not before.phase:
+            LOG.info("%s: %s", phase, machine.state.failure)
+        elif phase is not before.phase:
+            LOG.info("host %s: %s", self.host, phase)
         self._publish()
 
     def _publish(self) -> None:

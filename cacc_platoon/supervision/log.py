@@ -1,11 +1,14 @@
-"""The one log of a run: a file for each process, and standard error when asked for."""
+"""The one log of a run: a file for each process, and standard error when asked for.
+
+Nodes that were started manually have no run folder; they log through ROS.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import logging
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 LOG = logging.getLogger("cacc_platoon")
@@ -19,6 +22,15 @@ class _QuietFile(logging.FileHandler):
 
     def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802  (of logging)
         """Go on without the line."""
+
+
+class _Forwarding(logging.Handler):
+    def __init__(self, write: Callable[[str], object]) -> None:
+        super().__init__()
+        self._write = write
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self._write(record.getMessage())
 
 
 @contextlib.contextmanager
@@ -35,6 +47,11 @@ def logging_to(path: Path) -> Iterator[None]:
         LOG.removeHandler(handler)
         with contextlib.suppress(OSError):
             handler.close()
+
+
+def forward_log(write: Callable[[str], object]) -> None:
+    """From now on, every message that is logged is given to a function, too."""
+    _add(_Forwarding(write))
 
 
 def log_to_stderr() -> None:

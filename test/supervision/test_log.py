@@ -62,3 +62,11 @@ def test_nothing_is_shown_unless_asked_for(
     log.LOG.info("shown once")
     assert capsys.readouterr().err.count("shown once") == 1
     assert isinstance(log.LOG, logging.Logger)
+
+
+def test_messages_are_forwarded_without_time_and_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(log.LOG, "handlers", [*log.LOG.handlers])
+    received: list[str] = []
+    log.forward_log(received.append)
+    log.LOG.info("host %s: %s", "vehicle_3_vehicle", "matched")
+    assert received == ["host vehicle_3_vehicle: matched"]

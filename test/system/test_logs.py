@@ -4,14 +4,18 @@ import os
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from cacc_platoon.dds.domain import own_domain
+from cacc_platoon.testing import Platoon
 
 PAPER_A = Path(__file__).parents[2] / "config" / "paper_a.yaml"
 SMALL = ("run.duration=1", "platoon.followers=3", "run.hosts=2")
+
+Start = Callable[..., Platoon]
 
 pytestmark = pytest.mark.usefixtures("nothing_left")
 
@@ -64,3 +68,20 @@ def test_a_failure_is_in_the_log_too(tmp_path: Path) -> None:
     assert "vehicle_2/vehicle" in message
     log = (tmp_path / "run" / "logs" / "supervisor.log").read_text()
     assert f": {message}\n" in log
+
+
+def test_a_manually_started_node_logs_as_ros_nodes_do(platoon: Start, tmp_path: Path) -> None:
+    logs = tmp_path / "ros"
+    manual = "run.manual_nodes=[vehicle_2/vehicle]"
+    run = platoon(*SMALL, manual, environment={"ROS_LOG_DIR": str(logs)})
+    pid = run.start("vehicle_2/vehicle")
+    assert run.result().exit_code == 0
+    (file,) = logs.glob(f"*_{pid}_*.log")
+    messages = re.findall(r"\[platoon\.vehicle_2\.vehicle\]: (.*)", file.read_text())
+    assert messages[1] == "waiting for the supervisor"
+    host = "host vehicle_2_vehicle"
+    assert messages[0] == f"{host}: process {pid}, vehicle_2/vehicle"
+    assert [message for message in messages if message.startswith(host)][1:] == [
+        f"{host}: matched",
+        f"{host}: closed",
+    ]
