@@ -32,6 +32,13 @@ from cacc_platoon.runs.parts import PartWriter
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import format_scenario
 from cacc_platoon.scenario.schema import scenario_schema
+from cacc_platoon.supervision.protocol import (
+    HostPhase,
+    HostState,
+    ProtocolError,
+    RunPhase,
+    RunStatus,
+)
 from msg_adapters.topics import Graph, VehicleTopics
 
 ROOT = Path(__file__).parents[1]
@@ -61,6 +68,34 @@ DESIGNS = [
         "--predecessors 2 --recommend",
     )
 ]
+HOST_STATES = [
+    HostState(
+        run="f00d",
+        host="vehicle_2_vehicle",
+        pid=4711,
+        nodes=("vehicle_2/vehicle",),
+        publishes=("/platoon/vehicle_2/pose",),
+        subscribes=("/platoon/vehicle_1/pose",),
+        records=("/platoon/vehicle_2/pose",),
+        part="/tmp/parts/vehicle_2_vehicle",
+        phase=phase,
+        missing=("vehicle_2/vehicle: no publisher of /platoon/vehicle_1/pose",),
+        failure="the disk is full",
+        parameters={"vehicle_2/vehicle": {"run.step": 0.01, "vehicle.tau": [0.1, 0.2]}},
+    )
+    for phase in HostPhase
+]
+STATUSES = [
+    RunStatus(
+        run="f00d",
+        phase=phase,
+        samples=2001,
+        message="no progress for 10 s",
+        hosts=(HostInfo("0", 4711, ("vehicle_0/leader",)),),
+        subscribers={"/platoon/vehicle_0/pose": 2},
+    )
+    for phase in RunPhase
+]
 
 
 @pytest.fixture(scope="module")
@@ -78,6 +113,8 @@ def documents(tmp_path_factory, bags):
         "design": [printed("design", "--json", *question) for question in DESIGNS],
         "layouts": [printed("layout", "--json", str(folder / "noisy"))],
         "part": [part(folder / "part")],
+        "host_state": [json.loads(state.to_json()) for state in HOST_STATES],
+        "status": [json.loads(status.to_json()) for status in STATUSES],
     }
     return json.loads(json.dumps(found, allow_nan=False))
 
@@ -214,6 +251,39 @@ def test_the_version_is_the_one_of_the_code(documents, name):
         assert document["format"] == SCHEMAS[name]["properties"]["format"]["const"]
     [row] = re.findall(rf"^\|.*\| (\d+) \| \[{name}\]", README, re.MULTILINE)
     assert int(row) == SCHEMAS[name]["properties"]["format"]["const"]
+
+
+@pytest.mark.parametrize(
+    ("record", "key", "value"),
+    [
+        (HOST_STATES[0], "host", "a b"),
+        (HOST_STATES[0], "host", "a" * 101),
+        (HOST_STATES[0], "pid", 0),
+        (HOST_STATES[0], "nodes", "vehicle_1/vehicle"),
+        (HOST_STATES[0], "records", [1]),
+        (HOST_STATES[0], "phase", "running"),
+        (HOST_STATES[0], "failure", "x" * 10_001),
+        (HOST_STATES[0], "parameters", {"vehicle_1/vehicle": {"run.step": None}}),
+        (HOST_STATES[0], "parameters", {"vehicle_1/vehicle": {"run.step": [[0.01]]}}),
+        (STATUSES[0], "run", ""),
+        (STATUSES[0], "phase", "up"),
+        (STATUSES[0], "sample", -2),
+        (STATUSES[0], "samples", None),
+        (STATUSES[0], "hosts", [{"name": "0", "nodes": []}]),
+        (STATUSES[0], "subscribers", {"/platoon/vehicle_0/pose": -1}),
+    ],
+)
+def test_the_schemas_of_messages_refuse_what_the_software_refuses(record, key, value):
+    message = {**json.loads(record.to_json()), key: value}
+    with pytest.raises(ProtocolError):
+        type(record).from_json(json.dumps(message))
+    name = "host_state" if isinstance(record, HostState) else "status"
+    assert list(validator(name).iter_errors(message))
+
+
+@pytest.mark.parametrize(("name", "phases"), [("host_state", HostPhase), ("status", RunPhase)])
+def test_the_phases_of_the_schemas_are_those_of_the_software(name, phases):
+    assert SCHEMAS[name]["properties"]["phase"]["enum"] == list(phases)
 
 
 def test_the_schema_of_scenarios_is_made_from_the_parameter_table():

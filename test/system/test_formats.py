@@ -12,6 +12,7 @@ import rclpy
 from jsonschema import Draft202012Validator
 from rclpy.context import Context
 from rclpy.node import Node
+from std_msgs.msg import String
 
 from cacc_platoon.dds.domain import own_domain
 from cacc_platoon.scenario import Scenario
@@ -36,12 +37,18 @@ def command(*arguments: object) -> "subprocess.CompletedProcess[str]":
 
 def test_what_a_run_on_nodes_writes_fits_the_schemas(platoon) -> None:
     run = platoon("run.duration=1", "platoon.followers=2", "record.command=true")
+    received: dict[str, list[String]] = {"host_state": [], "status": []}
+    for name, messages in received.items():
+        run.subscribe(String, f"/platoon/{name}", messages.append)
     result = run.result()
     assert result.exit_code == 0, result.errors
     folder = run.folder.path
     document = json.loads((folder / "run.json").read_text())
     assert valid("run", document)
     assert document["hosts"]
+    for name, messages in received.items():
+        assert messages
+        assert all(valid(name, json.loads(message.data)) for message in messages)
     done = command("report", folder, "--json")
     assert valid("metrics", json.loads(done.stdout)), done.stderr
 
