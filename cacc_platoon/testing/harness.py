@@ -33,6 +33,7 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile
 from std_msgs.msg import String
 
 from cacc_platoon.dds.domain import own_domain
@@ -306,9 +307,15 @@ class Platoon:
         self._wait_matched(publisher)
         publisher.publish(message)
 
-    def subscribe(self, message_type: type, topic: str, receive: Callable[[Any], None]) -> None:
+    def subscribe(
+        self,
+        message_type: type,
+        topic: str,
+        receive: Callable[[Any], None],
+        profile: QoSProfile | int = 10,
+    ) -> None:
         """Call a function with the messages of any topic, while the harness waits."""
-        self._node.create_subscription(message_type, topic, receive, 10)
+        self._node.create_subscription(message_type, topic, receive, profile)
 
     def publishers_of(self, topic: str) -> int:
         """Return how many publishers a topic has."""

@@ -15,6 +15,7 @@ from rclpy.node import Node
 from std_msgs.msg import String
 
 from cacc_platoon.dds.domain import own_domain
+from cacc_platoon.nodes import qos
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import format_scenario
 from cacc_platoon.scenario.table import TABLE
@@ -36,10 +37,12 @@ def command(*arguments: object) -> "subprocess.CompletedProcess[str]":
 
 
 def test_what_a_run_on_nodes_writes_fits_the_schemas(platoon) -> None:
-    run = platoon("run.duration=1", "platoon.followers=2", "record.command=true")
+    settings = ("run.duration=3", "run.real_time_factor=1", "record.command=true")
+    run = platoon("platoon.followers=2", *settings)
     received: dict[str, list[String]] = {"host_state": [], "status": []}
     for name, messages in received.items():
-        run.subscribe(String, f"/platoon/{name}", messages.append)
+        run.subscribe(String, f"/platoon/{name}", messages.append, qos.latched())
+    run.wait(lambda: all(received.values()), PATIENCE, "messages of hosts and supervisor")
     result = run.result()
     assert result.exit_code == 0, result.errors
     folder = run.folder.path
@@ -47,7 +50,6 @@ def test_what_a_run_on_nodes_writes_fits_the_schemas(platoon) -> None:
     assert valid("run", document)
     assert document["hosts"]
     for name, messages in received.items():
-        assert messages
         assert all(valid(name, json.loads(message.data)) for message in messages)
     done = command("report", folder, "--json")
     assert valid("metrics", json.loads(done.stdout)), done.stderr
