@@ -3,8 +3,6 @@
 import re
 from pathlib import Path
 
-import pytest
-
 from cacc_platoon.cli import VERBS
 from cacc_platoon.cli.parameters import markdown_table
 
@@ -22,8 +20,3 @@ def test_the_parameter_table_is_the_one_of_the_code() -> None:
 def test_every_verb_is_described() -> None:
     described = re.findall(r"^\| `(\w+)` \|", README, re.M)
     assert [verb for verb in VERBS if verb not in described] == []
-
-
-@pytest.mark.parametrize("link", sorted(set(re.findall(r"\]\(([^)#]+)\)", README))))
-def test_links_lead_somewhere(link: str) -> None:
-    assert (Path(__file__).parents[1] / link).exists()
