@@ -127,7 +127,7 @@ class _Samples(NamedTuple):
 
     grid: Grid
     columns: Mapping[Role, Floats]
-    arrivals: Mapping[int, Arrivals]
+    arrivals: Mapping[Link, Arrivals]
     messages: int
 
 
