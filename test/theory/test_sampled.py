@@ -170,13 +170,14 @@ def test_held_that_has_no_meaning_is_refused(change, words):
         sampled_stability_map(0.95, 0.63, 0.009, 0.5, 0.5, period=0.01, **change)
 
 
-@given(DESIGNS)
+@given(DESIGNS, st.floats(0.01, 1))
 @settings(max_examples=50, deadline=None)
-def test_coefficients_against_the_frequency_response(design):
+def test_coefficients_against_the_frequency_response(design, held):
     h, k_v, k_p, tau, k, period, stale = design
+    known = {"stale": stale, "held": 1.0 if stale else held}
     omega = np.linspace(0.05, 0.95, 7) * np.pi / period
-    H, _ = hop_response(Gains(h, k, k_v, k_p), tau, k, period, omega, stale=stale)
-    hop = sampled_hop(h, k_v, k_p, tau, k, period=period, stale=stale)
+    H, _ = hop_response(Gains(h, k, k_v, k_p), tau, k, period, omega, **known)
+    hop = sampled_hop(h, k_v, k_p, tau, k, period=period, **known)
     d = (np.exp(1j * omega * period) - 1) / period
     n, m = (np.polynomial.polynomial.polyval(d, np.array(c)) for c in hop[:2])
     assert np.abs(n / m) == pytest.approx(H, rel=1e-6)
