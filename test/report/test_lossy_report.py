@@ -9,11 +9,12 @@ from scipy import stats
 
 from cacc_platoon.analysis import analyse
 from cacc_platoon.cli.simulate import simulate_run
-from cacc_platoon.report import metrics_document, report_run, summary
-from cacc_platoon.report.figure_list import pictures
+from cacc_platoon.report import figure_list, metrics_document, report_run, summary
 from cacc_platoon.report.verdict_section import verdict_section
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.simulation import chance_deviation
+from cacc_platoon.theory import exact_region, paper_region
+from cacc_platoon.theory.response_band import response_band
 
 DAMPED = {
     "platoon.followers": 4,
@@ -109,9 +110,18 @@ def test_a_run_without_loss_speaks_of_none(made):
     assert "loss" not in rows[""][0]
 
 
-def test_pictures_of_a_design_are_of_the_interval_that_is_judged(made):
+def test_pictures_of_a_design_are_of_the_interval_that_is_judged(made, monkeypatch):
+    asked = {}
+    for drawer in (response_band, paper_region, exact_region):
+
+        def noted(*question, drawer=drawer, **more):
+            asked[drawer] = more["reception"]
+            return drawer(*question, **more)
+
+        monkeypatch.setattr(figure_list, drawer.__name__, noted)
     report, _, _ = made(ZERO_FAILS)
-    drawn = {picture.name: picture for picture in pictures(report)}
+    drawn = {picture.name: picture for picture in figure_list.pictures(report)}
+    assert asked == dict.fromkeys((response_band, paper_region, exact_region), 0.7)
     for name in ("response", "region"):
         caption = drawn[name].caption
         assert "Vehicle 2. Lost packets count as zero, I reaches down to p m k_a." in caption
@@ -121,7 +131,9 @@ def test_pictures_of_a_design_are_of_the_interval_that_is_judged(made):
 
 def test_pictures_of_a_design_that_holds_say_that_it_is_without_loss(made):
     report, _, _ = made(HOLD_FAILS)
-    captions = [picture.caption for picture in pictures(report) if picture.name == "response"]
+    captions = [
+        picture.caption for picture in figure_list.pictures(report) if picture.name == "response"
+    ]
     assert "Vehicle 3. The loop without loss" in captions[0]
 
 
