@@ -61,12 +61,12 @@ def _meaning(report: Report) -> str:
         f"In the expectation run the largest spacing error is {describe_growth(peaks)} along the "
         f"platoon, {peaks[0]:.6f} m at the first follower and {peaks[-1]:.6f} m at the last."
     )
-    mean = " in the mean of all losses," if verdict.bases.losses else ""
+    mean = ", in the mean of all losses" if verdict.bases.losses else ""
     if verdict.string_stable:
         slow = any(one.loop == WITHOUT_LOSS and not one.sampled for one in verdict.followers)
         subject = "Sampled fast enough, disturbances" if slow else "Disturbances"
         return (
-            f"{subject} do not grow from vehicle to vehicle,{mean} in energy, for any lag up to "
+            f"{subject} do not grow from vehicle to vehicle{mean}, in energy, for any lag up to "
             "tau0 and any mean noise the SNR permits: "
             f"sup|H| = {weakest.l2_gain:.9g}{weakest.of_loop}. {course}"
         )
@@ -74,7 +74,7 @@ def _meaning(report: Report) -> str:
         return f"The gains cannot be certified: {weakest.reason} {course}"
     who = "" if verdict.equal_links else f"vehicle {weakest.follower}, "
     return (
-        f"Disturbances may grow from vehicle to vehicle,{mean} {who}{weakest.reason}; sup|H| = "
+        f"Disturbances may grow from vehicle to vehicle{mean}: {who}{weakest.reason}; sup|H| = "
         f"{weakest.l2_gain:.9g} at {weakest.peak_frequency:.6g} rad/s{weakest.of_loop}. {course}"
     )
 

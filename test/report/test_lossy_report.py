@@ -87,7 +87,7 @@ def test_each_kind_of_loss_has_its_own_answer(made):
     assert "least 0.01, vehicle 3" in hold_basis
     assert zero_basis in text
     assert hold_basis in text
-    assert "vehicle 3, with a share 0.01 of all packets received" in rows[""][0]
+    assert "in the mean of all losses: vehicle 3, with a share 0.01 of all packets" in rows[""][0]
     assert "rad/s of the loop without loss" in rows[""][0]
     exact = rows["String stable, robustly (L2)"]
     assert exact[0] == "no"
