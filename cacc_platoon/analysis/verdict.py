@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cacc_platoon.analysis.age import LinkReception
+from cacc_platoon.analysis.basis import Bases, arrival, bases_of
 from cacc_platoon.analysis.consistency import Consistency
 from cacc_platoon.analysis.noise import LinkNoise
 from cacc_platoon.analysis.premises import broken_premises
@@ -22,27 +23,7 @@ from cacc_platoon.theory import (
     certify_chain,
     explain_failure,
     is_string_stable,
-)
-
-EXACT_TEST = (
-    "exact test: C >= 0 and B + 2 tau sqrt(C) >= 0 at both ends of I = [m k_a, M k_a] and tau0, "
-    "equivalent to sup|H(jw)| <= 1 for every tau in (0, tau0] and every k_a E[w] in I"
-)
-PAPER_TEST = "paper's Theorem 2: h_w > h_lb(k_a) and (k_p, k_v) in S = S1 and S2, sufficient only"
-L2_NAME = "L2 string stability (H-infinity norm of H, paper's condition (3))"
-LINF_NAME = (
-    "L-infinity: L1 norm of the impulse response of H, at tau0 and both ends of I; bounds the "
-    "ratio of peaks of a_i, and of delta_i between equal followers"
-)
-
-ZERO_NAME = (
-    "lost packets count as zero: judged is the mean system of every packet reception probability "
-    "from p = {:.6g} to 1, k in [p m k_a, M k_a]"
-)
-HOLD_NAME = (
-    "the last packet is held while others are lost: judged is the mean system too, at the packet "
-    "reception probability p = {:.6g} and the control period of the run, by the exact test of the "
-    "sampled loop with k filtered by p/(1 - (1 - p)/z)"
+    rounded_down,
 )
 
 JUDGED_BY = (
@@ -54,6 +35,8 @@ JUDGED_BY = (
     "linf_gain",
 )
 """The parts of a certificate that a verdict needs; where one cannot be computed it is undecided."""
+
+AS_JUDGED, WITHOUT_LOSS = "as judged", "without loss"
 
 _ABSURD = 100.0  # a mean of w that only damaged data can have
 
@@ -74,9 +57,9 @@ class FollowerVerdict(NamedTuple):
         Why there is no certificate, else empty.
     realised_k : float
         k_a times the mean w of this run's link, and times p where losses count as zero; NaN when w
-        is unknown.
+        is unknown, and where the last packet is held.
     realised_stable : bool or None
-        The exact test for that k and the follower's own tau; None when w is unknown.
+        The exact test for that k and the follower's own tau; None when there is no such k.
     """
 
     follower: int
@@ -100,6 +83,21 @@ class FollowerVerdict(NamedTuple):
     def string_stable(self) -> bool:
         """The exact test, worst over I and tau in (0, tau0]; of the mean system under loss."""
         return self.certificate is not None and self.certificate.string_stable
+
+    @property
+    def loop(self) -> str:
+        """Which loop its gains and the paper's test are of.
+
+        That is the loop without loss where the last packet is held, since `string_stable` is then
+        judged by the sampled loop too.
+        """
+        held = self.certificate is not None and self.certificate.held < 1.0
+        return WITHOUT_LOSS if held else AS_JUDGED
+
+    @property
+    def of_loop(self) -> str:
+        """Of which loop its gains are, for a sentence, where it is not the one that is judged."""
+        return " of the loop without loss" if self.loop == WITHOUT_LOSS else ""
 
     @property
     def in_paper_region(self) -> bool:
@@ -142,8 +140,8 @@ class Verdict:
         Every follower passes the exact test.
     in_paper_region : bool
         Every follower passes the paper's sufficient test.
-    basis : str
-        The test and the definition it decides.
+    bases : Bases
+        What the statements rest on.
     equal_links : bool
         Whether delta_i = H delta_{i-1} holds; with unequal followers the test certifies
         a_i = H_i a_{i-1} instead.
@@ -152,19 +150,25 @@ class Verdict:
     followers : tuple of FollowerVerdict
         One by one.
     weakest : FollowerVerdict
-        A follower that fails before one that is undecided, then the one with the largest sup |H|.
+        A follower that fails before one that is undecided, then the one with the largest sup |H|,
+        then the one that loses most packets.
     end_to_end_gain : float
         sup |H_1 ... H_N| at each follower's own tau and the realised k; NaN where w is unknown.
     """
 
     string_stable: bool
     in_paper_region: bool
-    basis: str
+    bases: Bases
     equal_links: bool
     void: tuple[str, ...]
     followers: tuple[FollowerVerdict, ...]
     weakest: FollowerVerdict
     end_to_end_gain: float
+
+    @property
+    def basis(self) -> str:
+        """The test and the definition it decides."""
+        return str(self.bases)
 
     @property
     def certified(self) -> bool:
@@ -219,31 +223,26 @@ def judge(
     """
     means = {(link.sender, link.follower): link.mean for link in noise or []}
     seen: dict[object, FollowerVerdict] = {}
-    verdicts = []
+    verdicts: list[FollowerVerdict] = []
     for follower in scenario.followers:
         mean = means.get(follower.link, math.nan)
-        key = (follower.gains, follower.tau_max, follower.v2v.rho, *_reception(follower))
+        key = (follower.gains, follower.tau_max, follower.v2v.rho, *arrival(follower))
         if key not in seen:
             seen[key] = _judge_follower(follower, scenario.run.step)
         verdicts.append(_realised(seen[key], follower, mean))
     stable = all(verdict.string_stable for verdict in verdicts)
     equal = len(seen) == 1 and len({(f.tau, f.v2v) for f in scenario.followers}) == 1
-    law = (
-        "delta_i = H delta_{i-1} for i >= 2, equal followers"
-        if equal
-        else "a_i = H_i a_{i-1} for every follower's own H_i, unequal followers"
-    )
     return Verdict(
         stable,
         all(verdict.in_paper_region for verdict in verdicts),
-        "; ".join((EXACT_TEST, law, L2_NAME, *loss_bases(scenario))),
+        bases_of(scenario, equal=equal),
         equal,
         (
             *_sampled_too_slowly(verdicts),
             *broken_premises(scenario, noise or [], reception or [], consistency),
         ),
         tuple(verdicts),
-        max(verdicts, key=lambda one: (not one.string_stable, one.decided, one.l2_gain)),
+        _weakest(scenario, verdicts),
         _end_to_end(scenario, verdicts),
     )
 
@@ -261,56 +260,59 @@ def _judge_follower(follower: Follower, step: float) -> FollowerVerdict:
 
 
 def _decide(follower: Follower, step: float) -> FollowerVerdict:
-    zero, held = _reception(follower)
+    share = arrival(follower)
     certificate = certify(
         follower.gains,
         follower.v2v.rho,
         follower.tau_max,
         period=step,
-        reception=zero,
-        held=held,
+        reception=share.zero,
+        held=share.held,
     )
     for part in JUDGED_BY:  # what cannot be computed shows here, not when the verdict is read
         getattr(certificate, part)
     return FollowerVerdict(follower.index, certificate, explain_failure(certificate))
 
 
-def _reception(follower: Follower) -> tuple[float, float]:
-    """Return the packet reception probability where losses count as zero, and where one holds."""
-    arrives = 1.0 - follower.v2v.loss
-    return (1.0, arrives) if follower.v2v.reception == "hold" else (arrives, 1.0)
+def _weakest(scenario: Scenario, verdicts: list[FollowerVerdict]) -> FollowerVerdict:
+    def weakness(one: FollowerVerdict) -> tuple[bool, bool, float, float]:
+        loss = scenario.follower(one.follower).v2v.loss
+        return not one.string_stable, one.decided, one.l2_gain, loss
 
-
-def loss_bases(scenario: Scenario) -> list[str]:
-    """Say what the certificate means where packets may be lost, at the lossiest link."""
-    pairs = [_reception(follower) for follower in scenario.followers]
-    zero, held = min(pair[0] for pair in pairs), min(pair[1] for pair in pairs)
-    return [name.format(p) for name, p in ((ZERO_NAME, zero), (HOLD_NAME, held)) if p < 1.0]
+    return max(verdicts, key=weakness)
 
 
 def _sampled_too_slowly(verdicts: list[FollowerVerdict]) -> list[str]:
     """Say that the continuous loops of some followers pass the test and the sampled ones fail."""
     lost = [
-        (one.follower, one.certificate)
+        (one.certificate.critical_period, one.follower, one.certificate)
         for one in verdicts
         if one.certificate is not None and one.string_stable and not one.sampled
     ]
     if not lost:
         return []
-    first, certificate = lost[0]
+    longest, worst, certificate = min(lost, key=lambda one: one[:2])
+    held = " with the last packet held" if certificate.held < 1.0 else ""
+    loop = f"the loop of vehicle {worst}, sampled every {certificate.period:g} s{held}"
+    count = f"({len(lost)} vehicles in all)"
+    if not longest:
+        return [
+            f"{loop}, is not string stable, nor is it at any other run.step {count}: raise "
+            "time_headway and lower run.step"
+        ]
     return [
-        f"the loop of vehicle {first}, sampled every {certificate.period:g} s, is not string "
-        f"stable; it is below {certificate.critical_period:.4g} s ({len(lost)} vehicles in all): "
+        f"{loop}, is not string stable; it is below {rounded_down(longest)} s {count}: "
         "lower run.step"
     ]
 
 
 def _realised(verdict: FollowerVerdict, follower: Follower, mean: float) -> FollowerVerdict:
     """Fill in what holds for the mean w that this run had."""
-    held = _reception(follower)[1] < 1.0  # one gain does not describe a receiver that holds
+    share = arrival(follower)
+    held = share.held < 1.0  # one gain does not describe a receiver that holds
     if not verdict.decided or held or not abs(mean) < _ABSURD:
         return verdict._replace(follower=follower.index)
-    k = follower.gains.k_a * mean * _reception(follower)[0]
+    k = follower.gains.k_a * mean * share.zero
     return verdict._replace(
         follower=follower.index,
         realised_k=k,
@@ -344,10 +346,7 @@ def warn_if_not_string_stable(scenario: Scenario) -> str | None:
         return f"{scenario.name}: {verdict.void[0]}" if verdict.void else None
     if verdict.undecided:
         return f"the gains cannot be certified: {verdict.weakest.reason}"
-    failing = [one for one in verdict.followers if one.failure]
-    first = failing[0]
-    who = "" if len(failing) == len(verdict.followers) else f" (vehicle {first.follower})"
-    return (
-        f"{scenario.name} is not string stable{who}, sup|H| = {verdict.weakest.l2_gain:.6g}: "
-        f"{first.failure}"
-    )
+    weakest = verdict.weakest
+    who = "" if verdict.equal_links else f" (vehicle {weakest.follower})"
+    gain = f"sup|H| = {weakest.l2_gain:.6g}{weakest.of_loop}"
+    return f"{scenario.name} is not string stable{who}, {gain}: {weakest.failure}"

@@ -14,6 +14,7 @@ from cacc_platoon.theory.response_band import response_band
 
 if TYPE_CHECKING:
     from cacc_platoon.analysis.analyse import Report
+    from cacc_platoon.analysis.verdict import FollowerVerdict
 
 
 def pictures(report: Report) -> Iterator[Picture]:
@@ -124,31 +125,47 @@ def _channel_pictures(report: Report) -> Iterator[Picture]:
 
 def _design_pictures(report: Report) -> Iterator[Picture]:
     weakest = report.verdict.weakest
-    if not weakest.decided:
+    if weakest.certificate is None:
         return
+    share = weakest.certificate.reception
+    whose = "" if report.verdict.equal_links else f" Vehicle {weakest.follower}."
+    note = f"{whose}{_lost(weakest)}"
     follower = report.run.trajectory.scenario.follower(weakest.follower)
     gains, rho, tau_max = follower.gains, follower.v2v.rho, follower.tau_max
     place = report.run.trajectory.scenario.topology.links.index(follower.link)
     mean = report.measured.noise[place].expected_mean
     if weakest.internally_stable and gains.k_a > 0:
-        band = response_band(gains, rho, tau_max, k_effective=gains.k_a * mean)
+        k = share * gains.k_a * mean
+        band = response_band(gains, rho, tau_max, k_effective=k, reception=share)
         yield Picture(
             "response",
             "Propagation |H(jw)|",
             "From one vehicle to the next, and close to 1. String stable (L2) means that the "
-            "whole band stays at or below 1.",
+            f"whole band stays at or below 1.{note}",
             lambda far, close: plot_response(far, close, band),
             rows=2,
             height=5.6,
         )
     if 0 < gains.k_a < k_a_max(rho):
-        paper = paper_region(gains.k_a, gains.time_headway, rho, tau_max)
-        exact = exact_region(gains.k_a, gains.time_headway, rho, tau_max)
+        question = gains.k_a, gains.time_headway, rho, tau_max
+        paper = paper_region(*question, reception=share)
+        exact = exact_region(*question, reception=share)
         yield Picture(
             "region",
             "Feasible gains",
             "Gains that are string stable for this headway, SNR and lag: exactly, and by the "
-            "paper's sufficient conditions.",
+            f"paper's sufficient conditions.{note}",
             lambda axes: plot_regions(axes, paper, exact, gains),
             height=3.8,
         )
+
+
+def _lost(one: FollowerVerdict) -> str:
+    """Say what packet loss is to a picture of a follower's design."""
+    if one.certificate is not None and one.certificate.reception < 1.0:
+        return " Lost packets count as zero, I reaches down to p m k_a."
+    return (
+        " The loop without loss; the one that holds lost packets is judged too."
+        if one.of_loop
+        else ""
+    )

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cacc_platoon.analysis.verdict import LINF_NAME, PAPER_TEST
 from cacc_platoon.formats import Format
 from cacc_platoon.runs.folder import versions
 
@@ -211,11 +210,12 @@ def verdict_document(verdict: Verdict) -> dict[str, Any]:
         "headline": verdict.headline,
         "basis": verdict.basis,
         "void": list(verdict.void),
-        "paper": {"string_stable": verdict.in_paper_region, "basis": PAPER_TEST},
+        "paper": {"string_stable": verdict.in_paper_region, "basis": verdict.bases.paper},
+        "loop": weakest.loop,
         "l2_gain": weakest.l2_gain,
         "peak_frequency": weakest.peak_frequency,
         "linf_gain": verdict.linf_gain,
-        "linf_basis": LINF_NAME,
+        "linf_basis": verdict.bases.linf,
         "sampled_string_stable": all(one.sampled for one in verdict.followers),
         "realised_string_stable": None if None in realised else all(realised),
         "end_to_end_gain": verdict.end_to_end_gain,
@@ -233,6 +233,7 @@ def _follower(verdict: FollowerVerdict) -> dict[str, Any]:
         "in_paper_region": verdict.in_paper_region,
         "internally_stable": verdict.internally_stable,
         "sampled": verdict.sampled,
+        "loop": verdict.loop,
         "l2_gain": verdict.l2_gain,
         "peak_frequency": verdict.peak_frequency,
         "linf_gain": verdict.linf_gain,

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cacc_platoon.analysis.metrics import describe_growth
-from cacc_platoon.analysis.verdict import loss_bases
 from cacc_platoon.theory.noise_interval import effective_interval
 
 if TYPE_CHECKING:
@@ -42,23 +41,33 @@ def _verdict_lines(report: Report) -> list[str]:
     if weakest.certificate:
         low, high = weakest.certificate.interval
     failed = "undecided" if verdict.undecided else "failed"
-    holds = any(f.v2v.loss and f.v2v.reception == "hold" for f in scenario.followers)
-    lossless = " of the loop without loss" if holds else ""
     certificate = weakest.certificate
     share = "p " if certificate and certificate.reception < 1.0 else ""
     passed = "passed" if verdict.string_stable else f"{failed}: {weakest.reason}"
-    which = "" if verdict.equal_links else f" (vehicle {weakest.follower} is the weakest)"
+    whose, which = "", ""
+    if not verdict.equal_links:
+        whose = f" (vehicle {weakest.follower})"
+        which = f" (vehicle {weakest.follower} is the weakest)"
     lines = [
         f"  exact test, every lag tau <= {own.tau_max:g} s and every {share}k_a E[w] in "
-        f"[{low:.4g}, {high:.4g}]: {passed}",
-        f"  sup|H| = {weakest.l2_gain:.9g} (L2){lossless}{which}; L-infinity gain of a hop "
-        f"{verdict.linf_gain:.6g}",
-        f"  paper's Theorem 2 (sufficient){lossless}: "
+        f"[{low:.4g}, {high:.4g}]{whose}: {passed}",
+        f"  sup|H| = {weakest.l2_gain:.9g} (L2){weakest.of_loop}{which}; L-infinity gain of a hop "
+        f"{verdict.linf_gain:.6g}{_linf_of(report)}",
+        f"  paper's Theorem 2 (sufficient){verdict.bases.without_loss}: "
         + ("passed" if verdict.in_paper_region else "failed"),
     ]
-    lines += [f"  packet loss: {basis}" for basis in loss_bases(scenario)]
+    lines += [f"  packet loss: {basis.text}" for basis in verdict.bases.losses]
     lines += [f"  VOID for this run: {reason}" for reason in verdict.void]
     return lines
+
+
+def _linf_of(report: Report) -> str:
+    """Say whose the largest L-infinity gain is, where it is of another loop than sup|H|."""
+    verdict = report.verdict
+    largest = [one for one in verdict.followers if one.linf_gain == verdict.linf_gain]
+    if not largest or any(one.loop == verdict.weakest.loop for one in largest):
+        return ""
+    return f" (vehicle {largest[0].follower}, loop {largest[0].loop})"
 
 
 def _error_table(report: Report) -> list[str]:

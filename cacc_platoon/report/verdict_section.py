@@ -8,11 +8,13 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from cacc_platoon.analysis.metrics import describe_growth
-from cacc_platoon.analysis.verdict import EXACT_TEST, LINF_NAME, PAPER_TEST, loss_bases
+from cacc_platoon.analysis.verdict import WITHOUT_LOSS
 from cacc_platoon.report.tables import cell, text_table
+from cacc_platoon.simulation import chance_deviation
 
 if TYPE_CHECKING:
     from cacc_platoon.analysis.analyse import Report
+    from cacc_platoon.analysis.verdict import FollowerVerdict, Verdict
 
 
 def verdict_section(report: Report, metrics: dict[str, Any]) -> str:
@@ -59,16 +61,21 @@ def _meaning(report: Report) -> str:
         f"In the expectation run the largest spacing error is {describe_growth(peaks)} along the "
         f"platoon, {peaks[0]:.6f} m at the first follower and {peaks[-1]:.6f} m at the last."
     )
+    mean = ", in the mean of all losses" if verdict.bases.losses else ""
     if verdict.string_stable:
+        slow = any(one.loop == WITHOUT_LOSS and not one.sampled for one in verdict.followers)
+        subject = "Sampled fast enough, disturbances" if slow else "Disturbances"
         return (
-            "Disturbances do not grow from vehicle to vehicle, in energy, for any lag up to tau0 "
-            f"and any mean noise the SNR permits: sup|H| = {weakest.l2_gain:.9g}. {course}"
+            f"{subject} do not grow from vehicle to vehicle{mean}, in energy, for any lag up to "
+            "tau0 and any mean noise the SNR permits: "
+            f"sup|H| = {weakest.l2_gain:.9g}{weakest.of_loop}. {course}"
         )
     if verdict.undecided:
         return f"The gains cannot be certified: {weakest.reason} {course}"
+    who = "" if verdict.equal_links else f"vehicle {weakest.follower}, "
     return (
-        f"Disturbances may grow from vehicle to vehicle: {weakest.reason}; "
-        f"sup|H| = {weakest.l2_gain:.9g} at {weakest.peak_frequency:.6g} rad/s. {course}"
+        f"Disturbances may grow from vehicle to vehicle{mean}: {who}{weakest.reason}; sup|H| = "
+        f"{weakest.l2_gain:.9g} at {weakest.peak_frequency:.6g} rad/s{weakest.of_loop}. {course}"
     )
 
 
@@ -80,18 +87,22 @@ def _basis_table(report: Report, metrics: dict[str, Any]) -> str:
 
 def _certificate_rows(report: Report) -> Iterator[tuple[str, str, str]]:
     """Say what follows from the parameters alone."""
-    verdict = report.verdict
+    verdict, bases = report.verdict, report.verdict.bases
     unknown = verdict.undecided
-    yield "String stable, robustly (L2)", _answer(verdict.string_stable, unknown), EXACT_TEST
-    yield "Paper's own test", _answer(verdict.in_paper_region, unknown), PAPER_TEST
+    yield "String stable, robustly (L2)", _answer(verdict.string_stable, unknown), bases.exact
+    yield "Paper's own test", _answer(verdict.in_paper_region, unknown), bases.paper
+    loops = "the loop under zero-order hold" + (", with what losses leave" if bases.losses else "")
     yield (
         "Sampled at the control period",
         _answer(all(one.sampled for one in verdict.followers), unknown),
-        f"exact test (L2) of the loop under zero-order hold at {report.run.grid.step / 1e9:g} s",
+        f"exact test (L2) of {loops}, at {report.run.grid.step / 1e9:g} s",
     )
-    for basis in loss_bases(report.run.trajectory.scenario):
-        yield "With packet loss, in the mean", _answer(verdict.string_stable, unknown), basis
-    yield "Ratio of peaks per hop, at most", _g(verdict.linf_gain), LINF_NAME
+    for loss in bases.losses:
+        concerned = [one for one in verdict.followers if one.follower in loss.followers]
+        fails = any(one.decided and not _with_loss(one) for one in concerned)
+        open_ = not fails and not all(one.decided for one in concerned)
+        yield "With packet loss, in the mean", _answer(not fails, open_), loss.text
+    yield "Ratio of peaks per hop, at most", _g(verdict.linf_gain), bases.linf
     if not verdict.equal_links:
         yield (
             "Unequal followers",
@@ -109,7 +120,8 @@ def _data_rows(report: Report, metrics: dict[str, Any]) -> Iterator[tuple[str, s
         "With the mean noise of this run",
         "unknown" if None in realised else _answer(all(realised)),
         "exact test (L2) with each link's realised mean of w and each follower's own tau; an "
-        f"estimate from one run. End to end sup|H_1...H_N| = {_g(verdict.end_to_end_gain)}",
+        f"estimate from one run{_realised_with_loss(verdict)}. "
+        f"End to end sup|H_1...H_N| = {_g(verdict.end_to_end_gain)}",
     )
     sent = any(link.samples for link in links)
     kept = "kept" if sent else "nothing was sent"
@@ -126,15 +138,36 @@ def _data_rows(report: Report, metrics: dict[str, Any]) -> Iterator[tuple[str, s
         "every recorded state against one step of plant and control law from the sample before",
     )
     if ensemble := metrics["ensemble"]:
-        deviation = ensemble["max_standard_errors_from_expectation"]
-        yield (
-            "Mean of noisy runs",
-            "unknown, they overflow"
-            if deviation is None
-            else f"at most {deviation:.3g} standard errors away",
-            f"{ensemble['runs']} simulated runs against the expectation run at every vehicle and "
-            "time; the paper's averaging says they agree",
-        )
+        yield "Mean of noisy runs", *_agreement(ensemble)
+
+
+def _with_loss(one: FollowerVerdict) -> bool:
+    """Return whether a follower passes the test of its mean system, sampled where it holds."""
+    return one.string_stable and (one.sampled or one.loop != WITHOUT_LOSS)
+
+
+def _realised_with_loss(verdict: Verdict) -> str:
+    """Say what the test with realised noise makes of lost packets."""
+    if any(one.loop == WITHOUT_LOSS for one in verdict.followers):
+        return "; unknown with followers that hold lost packets, which no one gain describes"
+    return ", losses in the mean" if verdict.bases.losses else ""
+
+
+def _agreement(ensemble: dict[str, Any]) -> tuple[str, str]:
+    """Say whether the mean of noisy runs is the expectation run, and by which measure."""
+    runs, away = ensemble["runs"], ensemble["max_standard_errors_from_expectation"]
+    basis = f"{runs} simulated runs against the expectation run at every vehicle and time"
+    if away is None:
+        return "unknown, they overflow", basis
+    if not away:
+        apart = ensemble["max_abs_mean_minus_expectation"]
+        return "unknown, they have no spread", f"{basis}: {apart:.3g} m apart at most"
+    most = chance_deviation(runs)
+    basis += f"; chance explains up to {most:.3g} standard errors of a mean of {runs}"
+    if away <= most:
+        return f"agree within {away:.3g} standard errors", basis
+    more = "; an event too rare for so few runs looks like a difference: simulate with more --runs"
+    return f"do not agree, {away:.3g} standard errors apart", f"{basis}{more}"
 
 
 def _outcome_table(metrics: dict[str, Any]) -> str:

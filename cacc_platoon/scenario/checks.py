@@ -155,17 +155,19 @@ def check_overrides(
         )
 
 
-def check_topology(platoon: Platoon, followers: Iterable[Follower], source: str) -> None:
+def check_topology(
+    platoon: Platoon, leader: Leader, followers: Iterable[Follower], source: str
+) -> None:
     """Refuse several predecessors where a law would ignore them or they are not in the run."""
     predecessors = platoon.predecessors
     if predecessors == 1:
         return
-    if platoon.first_follower > 1:
+    if leader.profile == "bag":
         raise TABLE["platoon.predecessors"].refusal(
             predecessors,
             source,
-            f"must be 1 where platoon.first_follower = {platoon.first_follower}: the vehicles "
-            "before the leader are not in the run",
+            "must be 1 where leader.profile is bag: what the vehicles before the leader sent "
+            "is not in the run",
         )
     for follower in followers:
         if not follower.law_name:

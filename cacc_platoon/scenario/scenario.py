@@ -126,7 +126,7 @@ class Scenario:
         check_run(self.run, self.node_names, source)
         check_leader(self.platoon, self.leader, source)
         check_overrides(self.overrides, self.indices, self.vehicle, source)
-        check_topology(self.platoon, self.followers, source)
+        check_topology(self.platoon, self.leader, self.followers, source)
         for follower in self.followers:
             where = f"{vehicle_name(follower.index)}: " if follower.index in self.overrides else ""
             check_follower(follower, self.run.step, f"{source}: {where}".rstrip(": "))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,9 @@ from cacc_platoon.simulation.trajectory import Array, Trajectory
 
 BATCH_VALUES = 3_000_000
 """Runs are integrated together up to so many states (samples x runs x vehicles): 100 MB or so."""
+
+NOT_BY_CHANCE = 5.0
+"""Standard deviations that the largest of many normal deviations, one a vehicle and time, keeps."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +68,23 @@ def monte_carlo(scenario: Scenario, runs: int, progress: Progress | None = None)
     mean = total / runs
     variance = np.maximum(squares / runs - mean**2, 0.0) * runs / max(runs - 1, 1)
     return Ensemble(runs, mean, np.sqrt(variance / runs), low, high, np.concatenate(peaks))
+
+
+def chance_deviation(runs: int) -> float:
+    """Return the standard errors by which a mean of so many runs may be off by chance.
+
+    A standard error from few runs is itself uncertain: the bound is the quantile of Student's
+    distribution that is as improbable as `NOT_BY_CHANCE` normal standard deviations, by Wallace's
+    approximation.
+
+    Examples
+    --------
+    >>> [round(chance_deviation(runs), 1) for runs in (10, 20, 400)]
+    [12.6, 7.4, 5.1]
+    """
+    freedom = max(runs - 1, 1)
+    z = NOT_BY_CHANCE * (8 * freedom + 3) / (8 * freedom + 1)
+    return math.sqrt(freedom * math.expm1(z * z / freedom))
 
 
 def _spacing_errors(scenario: Scenario, seeds: range) -> Array:

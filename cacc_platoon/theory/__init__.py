@@ -25,6 +25,7 @@ from cacc_platoon.theory.explanation import (
     explain_design,
     explain_failure,
     explain_verdict,
+    rounded_down,
 )
 from cacc_platoon.theory.latency import headway_for_latency, latency_margin
 from cacc_platoon.theory.mean_square import (
@@ -56,11 +57,8 @@ from cacc_platoon.theory.region import (
     minimum_headway,
     stable_gain_range,
 )
-from cacc_platoon.theory.sampled import (
-    critical_period,
-    is_sampled_string_stable,
-    sampled_stability_map,
-)
+from cacc_platoon.theory.sampled import is_sampled_string_stable, sampled_stability_map
+from cacc_platoon.theory.sampling_limits import critical_loss, critical_period
 from cacc_platoon.theory.several_predecessors import (
     MultiPredecessorBounds,
     equivalent_gains,
@@ -109,6 +107,7 @@ __all__ = [
     "certify",
     "certify_chain",
     "conservatism",
+    "critical_loss",
     "critical_period",
     "effective_interval",
     "equivalent_gains",
@@ -150,6 +149,7 @@ __all__ = [
     "reception_minimum_headway",
     "rho_from_snr_db",
     "robust_string_stability_map",
+    "rounded_down",
     "sampled_stability_map",
     "slowest_time_constant",
     "snr_db_from_rho",

@@ -22,7 +22,8 @@ from cacc_platoon.theory.noise_interval import (
     effective_interval,
 )
 from cacc_platoon.theory.region import stable_gain_range
-from cacc_platoon.theory.sampled import critical_period, is_sampled_string_stable
+from cacc_platoon.theory.sampled import is_sampled_string_stable
+from cacc_platoon.theory.sampling_limits import critical_loss, critical_period
 from cacc_platoon.theory.theorem2 import in_paper_region
 from cacc_platoon.theory.transfer import is_internally_stable, slowest_time_constant
 
@@ -93,8 +94,9 @@ class Certificate:
     reception : float
         Smallest packet reception probability, losses counted as zero.
     held : float
-        Packet reception probability of a receiver that holds the last packet; the sampled loop
-        alone is judged with it.
+        Packet reception probability of a receiver that holds the last packet. `string_stable`
+        and what is sampled are judged with it; gains, margins and the paper's test are those of
+        the loop without loss.
     k_effective : float or None
         The one effective gain at `tau_max` that is asked for instead of the worst case.
     """
@@ -121,7 +123,7 @@ class Certificate:
                 f"push the wrong way. Give {name} >= 0.",
             )
         _ = self.interval  # refuses rho and reception
-        require_reception(self.held)
+        require_reception(self.held, "held")
 
     @cached_property
     def interval(self) -> EffectiveInterval:
@@ -156,10 +158,14 @@ class Certificate:
 
     @property
     def fails_held(self) -> bool:
-        """Whether it is for held packets alone that the design is not string stable."""
+        """Whether a loop that passes the exact test fails since it holds lost packets.
+
+        It does where the loop without loss is string stable at `period`, or where no period keeps
+        the one that holds; where a shorter one does, the loop is only sampled too slowly.
+        """
         if self.held == 1.0 or not self._passes_exact_test or self.sampled_string_stable:
             return False
-        return replace(self, held=1.0).sampled_string_stable
+        return self.critical_period == 0.0 or replace(self, held=1.0).sampled_string_stable
 
     @cached_property
     def _worst_l2_gain(self) -> L2Gain:
@@ -188,7 +194,7 @@ class Certificate:
 
     @cached_property
     def sampled_string_stable(self) -> bool:
-        """Whether `period` keeps string stability, with a fresh acceleration."""
+        """Whether `period` keeps string stability: acceleration fresh, or held at `held`."""
         return is_sampled_string_stable(
             self.gains,
             self.rho,
@@ -201,12 +207,24 @@ class Certificate:
 
     @cached_property
     def critical_period(self) -> float:
-        """Control period at which string stability is first lost [s], acceleration fresh."""
+        """Control period at which `sampled_string_stable` is first lost [s]."""
         return self._critical_period(stale=False)
 
     @cached_property
+    def critical_loss(self) -> float:
+        """Share of lost packets at which a receiver that holds first loses it at `period`."""
+        return critical_loss(
+            self.gains,
+            self.rho,
+            self.tau_max,
+            self.period,
+            reception=self.reception,
+            k_effective=self.k_effective,
+        )
+
+    @cached_property
     def critical_period_stale_accel(self) -> float:
-        """`critical_period` with an acceleration that is one period old [s]."""
+        """`critical_period` with an acceleration that is one period old [s]; not with `held`."""
         return self._critical_period(stale=True)
 
     def _critical_period(self, *, stale: bool) -> float:
@@ -215,6 +233,7 @@ class Certificate:
             self.rho,
             self.tau_max,
             stale=stale,
+            held=self.held,
             reception=self.reception,
             k_effective=self.k_effective,
         )
@@ -258,7 +277,7 @@ class Certificate:
         return stable_gain_range(self.gains, self.tau_max)
 
     def parts(self) -> dict[str, Any]:
-        """Compute every part, and return them by name."""
+        """Compute every part, and return them by name; with `held` not all can be."""
         return {
             name: getattr(self, name)
             for name, part in vars(type(self)).items()

@@ -57,7 +57,7 @@ def require_rho(rho: float) -> None:
     )
 
 
-def require_reception(reception: float) -> None:
+def require_reception(reception: float, name: str = "reception") -> None:
     """Refuse a packet reception that is not a probability.
 
     Raises
@@ -67,6 +67,6 @@ def require_reception(reception: float) -> None:
     """
     if not 0 <= reception <= 1:  # the text is costly where a search asks often
         raise DesignError(
-            f"reception = {reception:g} is not a probability: no share of packets can be outside "
-            "0 to 1. Give the smallest packet reception probability."
+            f"{name} = {reception:g} is not a probability: no share of packets can be outside "
+            f"0 to 1. Give {name} from 0 to 1, the smallest packet reception probability."
         )

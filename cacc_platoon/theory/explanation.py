@@ -7,6 +7,7 @@ the exact ones those of docs/theory.md, section 3 (The exact test).
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -21,7 +22,28 @@ if TYPE_CHECKING:
     from cacc_platoon.model.control import Gains
     from cacc_platoon.theory.certificate import Certificate
 
-__all__ = ["Failure", "explain_bounds", "explain_design", "explain_failure", "explain_verdict"]
+__all__ = [
+    "Failure",
+    "explain_bounds",
+    "explain_design",
+    "explain_failure",
+    "explain_verdict",
+    "rounded_down",
+]
+
+
+def rounded_down(value: float) -> str:
+    """Write a bound to stay below, not above its value, so that who heeds it is below it.
+
+    Examples
+    --------
+    >>> rounded_down(0.0958683), rounded_down(0.0)
+    ('0.09586', '0')
+    """
+    if not value > 0:
+        return "0"
+    unit = 10.0 ** (math.floor(math.log10(value)) - 3)
+    return f"{math.floor(value / unit) * unit:.4g}"
 
 
 def explain_bounds(rho: float, tau_max: float, k_a: float) -> list[str]:
@@ -129,12 +151,13 @@ def explain_verdict(certificate: Certificate) -> str:
     if failure is not None:
         return str(failure)
     if certificate.k_effective is not None:
-        return f"string stable {_where(certificate)}: sup|H| = 1"
+        return f"string stable {_where(certificate)}: sup|H| = 1{_holding(certificate)}"
     basis = "in the paper's region S" if certificate.in_paper_region else "exact test"
     return (
         f"robustly string stable ({basis}): sup|H| = 1 for every lag up to "
         f"{certificate.tau_max:g} s and all noise of rho >= {certificate.rho:g}"
         f"{_losses(certificate)}; error energy does not grow along the platoon."
+        f"{_holding(certificate)}"
     )
 
 
@@ -151,12 +174,40 @@ def explain_failure(certificate: Certificate) -> Failure | None:
     if certificate.string_stable:
         return None
     if certificate.fails_held:
+        return _failure_of_held(certificate)
+    failure = _failure_without_loss(certificate)
+    if certificate.held == 1.0:
+        return failure
+    note = "which mends the loop without loss; the one that holds packets is judged after it"
+    return failure._replace(remedy=f"{failure.remedy}, {note}")
+
+
+def _failure_of_held(certificate: Certificate) -> Failure:
+    """Explain a loop that fails since it holds lost packets."""
+    whole = replace(certificate, held=1.0)
+    loop = f"{_received(certificate)}, the mean loop"
+    grows = "disturbances grow along the platoon in the mean"
+    if not whole.sampled_string_stable:
+        longest = whole.critical_period
+        also = f" below {rounded_down(longest)} s" if longest else " and raise time_headway"
         return Failure(
-            f"with a share {certificate.held:.6g} of all packets received and the last one held, "
-            f"the mean loop sampled every {certificate.period:g} s has sup|H_T| > 1",
-            "disturbances grow along the platoon in the mean",
-            "Raise time_headway or lose fewer packets",
+            f"{loop} is not string stable at any control period",
+            grows,
+            f"Lose no packets, lower the control period{also}",
         )
+    share = certificate.critical_loss
+    fewer = f"less than a share {rounded_down(share)} of the packets" if share else "no packets"
+    period = rounded_down(certificate.critical_period)
+    slower = "" if period == "0" else f", or lower the control period below {period} s"
+    return Failure(
+        f"{loop} sampled every {certificate.period:g} s has sup|H_T| > 1",
+        grows,
+        f"Lose {fewer}{slower}",
+    )
+
+
+def _failure_without_loss(certificate: Certificate) -> Failure:
+    """Explain a design that fails the exact test."""
     if certificate.k_effective is not None:
         return _failure_of_one_gain(certificate)
     if certificate.interval.high >= 1:
@@ -176,6 +227,21 @@ def _where(certificate: Certificate) -> str:
 def _losses(certificate: Certificate) -> str:
     share = certificate.reception
     return "" if share == 1.0 else f" with at least {share:g} of all packets received"
+
+
+def _received(certificate: Certificate) -> str:
+    return f"with a share {certificate.held:.6g} of all packets received and the last one held"
+
+
+def _holding(certificate: Certificate) -> str:
+    """Say what the statement about the loop without loss becomes where packets are held."""
+    if certificate.held == 1.0:
+        return ""
+    stays = "is" if certificate.sampled_string_stable else "is not"
+    return (
+        f" So much without loss; {_received(certificate)}, the mean loop sampled every "
+        f"{certificate.period:g} s {stays} string stable."
+    )
 
 
 def _failure_of_one_gain(certificate: Certificate) -> Failure:

@@ -45,9 +45,16 @@ class ResponseBand(NamedTuple):
 
 
 def response_band(
-    gains: Gains, rho: float, tau_max: float, *, k_effective: float | None = None
+    gains: Gains,
+    rho: float,
+    tau_max: float,
+    *,
+    k_effective: float | None = None,
+    reception: float = 1.0,
 ) -> ResponseBand:
     """Compute `ResponseBand`; the nominal curve has ``E[w] = 1`` unless given otherwise.
+
+    With a `reception` below one I reaches down to where that share of the packets arrives.
 
     Examples
     --------
@@ -59,7 +66,7 @@ def response_band(
     nominal = gains.k_a if k_effective is None else k_effective
     rates = np.abs(poles(gains, tau_max))
     omega = np.geomspace(0.03 * float(np.min(rates)), 10.0 * float(np.max(rates)), 600)
-    low, high = effective_interval(gains.k_a, rho)
+    low, high = effective_interval(gains.k_a, rho, reception=reception)
     curve = np.abs(frequency_response(gains, tau_max, nominal, omega))
     least, most = curve, curve
     for tau in tau_max * np.linspace(0.02, 1.0, 12):

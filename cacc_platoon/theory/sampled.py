@@ -21,8 +21,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from cacc_platoon.theory.errors import require_positive
-from cacc_platoon.theory.exact import TOLERANCE, is_string_stable
+from cacc_platoon.theory.errors import DesignError, require_positive, require_reception
+from cacc_platoon.theory.exact import TOLERANCE
 from cacc_platoon.theory.noise_interval import effective_gains
 
 if TYPE_CHECKING:
@@ -34,10 +34,12 @@ if TYPE_CHECKING:
 
 __all__ = [
     "SampledHop",
-    "critical_period",
     "is_sampled_string_stable",
+    "lags_to_try",
+    "require_held",
     "sampled_hop",
     "sampled_stability_map",
+    "stable_at",
 ]
 
 _LAG_FRACTIONS = np.concatenate(([0.0], np.linspace(0.0, 1.0, 17)[1:]))
@@ -83,6 +85,24 @@ def _hold_integrals(tau: Float, period: Float) -> tuple[Float, Float, Float]:
     return results[0], results[1], results[2]
 
 
+def require_held(held: ArrayLike, *, stale: bool) -> None:
+    """Refuse what is no probability, and one below 1 of an acceleration that is a period old.
+
+    Raises
+    ------
+    DesignError
+        If it is one of these.
+    """
+    shares = np.asarray(held, dtype=float)
+    least, most = float(shares.min()), float(shares.max())
+    require_reception(most if least >= 0 else least, "held")
+    if stale and least < 1:
+        raise DesignError(
+            f"held = {least:g} is below 1 and the acceleration is stale: the loop that holds lost "
+            "packets is known for fresh ones only. Give held = 1, or leave stale out."
+        )
+
+
 def sampled_hop(
     time_headway: ArrayLike,
     k_v: ArrayLike,
@@ -92,7 +112,7 @@ def sampled_hop(
     *,
     period: ArrayLike,
     stale: bool = False,
-    held: float = 1.0,
+    held: ArrayLike = 1.0,
 ) -> SampledHop:
     """Discretise one hop exactly; all arguments broadcast.
 
@@ -104,7 +124,7 @@ def sampled_hop(
         Control period T [s].
     stale : bool, optional
         Whether the communicated acceleration is one period old.
-    held : float, optional
+    held : array_like, optional
         Packet reception probability of a receiver that holds the last packet; not with `stale`.
 
     Returns
@@ -112,14 +132,21 @@ def sampled_hop(
     SampledHop
         Coefficients in the delta operator.
 
+    Raises
+    ------
+    DesignError
+        If `held` is not a probability, or below one together with `stale`.
+
     Examples
     --------
     >>> hop = sampled_hop(0.95, 0.63, 0.009, 0.5, 0.5, period=1e-9)
     >>> [round(float(0.5 * c), 6) for c in hop.denominator]
     [0.009, 0.63855, 1.0, 0.5]
     """
-    h, v, p, lag, k, T = np.broadcast_arrays(
-        *(np.asarray(x, dtype=float) for x in (time_headway, k_v, k_p, tau, k_effective, period))
+    require_held(held, stale=stale)
+    arguments = (time_headway, k_v, k_p, tau, k_effective, period, held)
+    h, v, p, lag, k, T, share = np.broadcast_arrays(
+        *(np.asarray(x, dtype=float) for x in arguments)
     )
     a1, a2, a3 = _hold_integrals(lag, T)
     half = a2 * T
@@ -132,17 +159,16 @@ def sampled_hop(
         np.ones_like(a1),
     )
     zero = np.zeros_like(a1)
-    if not stale and held == 1.0:
+    if not stale and (share == 1.0).all():
         return SampledHop((feedback[0], feedback[1], feedback[2] + k * a1, zero), loop, loop)
-    first = 1.0 if stale else held  # both are multiplied by z - 1 + first = first + T d
-    numerator = _times((*feedback, zero), first, T)
-    numerator[2] = numerator[2] + (1.0 if stale else held) * k * a1
+    numerator = _times((*feedback, zero), share, T)  # z - 1 + share = share + T d; stale: z
+    numerator[2] = numerator[2] + share * k * a1
     if not stale:
-        numerator[3] = numerator[3] + held * k * a1 * T
-    return SampledHop((*numerator,), (*_times(loop, first, T),), loop)
+        numerator[3] = numerator[3] + share * k * a1 * T
+    return SampledHop((*numerator,), (*_times(loop, share, T),), loop)
 
 
-def _times(polynomial: tuple[Float, ...], first: float, period: Float) -> list[Float]:
+def _times(polynomial: tuple[Float, ...], first: Float, period: Float) -> list[Float]:
     """Multiply a polynomial in d, coefficients from the lowest power up, by first + T d."""
     zero = np.zeros_like(polynomial[0])
     own, shifted = (*polynomial, zero), (zero, *polynomial)
@@ -191,7 +217,7 @@ def sampled_stability_map(
     *,
     period: ArrayLike,
     stale: bool = False,
-    held: float = 1.0,
+    held: ArrayLike = 1.0,
 ) -> NDArray[np.bool_]:
     """Exact sampled-data string stability over arrays that broadcast; see `sampled_hop`.
 
@@ -227,15 +253,16 @@ def sampled_stability_map(
     return good
 
 
-def _robust(
+def stable_at(
     gains: Gains,
     ends: tuple[float, ...],
     lags: Float,
     periods: Float,
     *,
     stale: bool,
-    held: float,
+    held: Float | float,
 ) -> NDArray[np.bool_]:
+    """Say for each period, or each share `held`, whether all lags and ends of I are stable."""
     h, _, k_v, k_p = gains
     result = sampled_stability_map(
         h,
@@ -245,12 +272,13 @@ def _robust(
         np.asarray(ends),
         period=periods[:, np.newaxis, np.newaxis],
         stale=stale,
-        held=held,
+        held=np.reshape(held, (-1, 1, 1)),
     )
     return np.asarray(result.all(axis=(1, 2)), dtype=np.bool_)
 
 
-def _lags(tau_max: float, k_effective: float | None) -> Float:
+def lags_to_try(tau_max: float, k_effective: float | None) -> Float:
+    """List the lags that stand for all up to `tau_max`; that one alone for a `k_effective`."""
     require_positive("tau_max", tau_max, "s")
     return tau_max * _LAG_FRACTIONS if k_effective is None else np.array([tau_max])
 
@@ -281,7 +309,8 @@ def is_sampled_string_stable(
     stale : bool, optional
         Whether the communicated acceleration is one period old.
     held : float, optional
-        Packet reception probability of a receiver that holds the last packet, > 0.
+        Packet reception probability of a receiver that holds the last packet; 0 is a receiver
+        that never has one. Not below 1 together with `stale`.
     reception : float, optional
         Smallest packet reception probability, losses counted as zero.
     k_effective : float, optional
@@ -304,54 +333,9 @@ def is_sampled_string_stable(
     True
     """
     require_positive("period", period, "s")
-    lags = _lags(tau_max, k_effective)
+    require_held(held, stale=stale)
+    lags = lags_to_try(tau_max, k_effective)
     ends = effective_gains(gains.k_a, rho, reception=reception, k_effective=k_effective)
     return max(map(abs, ends)) <= 1 and bool(
-        _robust(gains, ends, lags, np.array([period]), stale=stale, held=held)[0]
+        stable_at(gains, ends, lags, np.array([period]), stale=stale, held=held)[0]
     )
-
-
-def critical_period(
-    gains: Gains,
-    rho: float,
-    tau_max: float,
-    *,
-    stale: bool = False,
-    held: float = 1.0,
-    reception: float = 1.0,
-    k_effective: float | None = None,
-) -> float:
-    """Period at which robust string stability is first lost [s]; 0 when no period keeps it.
-
-    No sampled loop without lag survives ``T >= 2/gamma``, which bounds the search.
-
-    Parameters
-    ----------
-    gains, rho, tau_max, stale, held, reception, k_effective
-        As in `is_sampled_string_stable`.
-
-    Returns
-    -------
-    float
-        Critical period [s], to a relative 1e-6.
-
-    Examples
-    --------
-    >>> from cacc_platoon.model.control import Gains
-    >>> round(critical_period(Gains(0.95, 0.5, 0.63, 0.009), 5.0, 0.5), 4)
-    0.0959
-    """
-    lags = _lags(tau_max, k_effective)
-    ends = effective_gains(gains.k_a, rho, reception=reception, k_effective=k_effective)
-    if not all(is_string_stable(gains, tau_max, k) for k in ends):
-        return 0.0
-    low, high = 0.0, 8.0 / (gains.k_v + gains.time_headway * gains.k_p) + 8.0 * tau_max
-    while high - low > 1e-7 * high:
-        periods = np.linspace(low, high, 33)[1:]
-        lost = np.flatnonzero(~_robust(gains, ends, lags, periods, stale=stale, held=held))
-        if lost.size == 0:
-            return high
-        low, high = float(periods[lost[0]] - (high - low) / 32), float(periods[lost[0]])
-        if high < 1e-9 * tau_max:
-            return 0.0
-    return low

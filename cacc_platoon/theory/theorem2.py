@@ -149,7 +149,9 @@ def headway_slope_roots(rho: float) -> tuple[float, float]:
     return m / (M * (M + root)), (M + root) / (M * m)
 
 
-def paper_region(k_a: float, time_headway: float, rho: float, tau_max: float) -> PaperRegion:
+def paper_region(
+    k_a: float, time_headway: float, rho: float, tau_max: float, *, reception: float = 1.0
+) -> PaperRegion:
     """Region S of ``(k_p, k_v)`` with its intercepts, corners and area.
 
     Parameters
@@ -162,6 +164,8 @@ def paper_region(k_a: float, time_headway: float, rho: float, tau_max: float) ->
         Linear signal-to-noise ratio, > 1.
     tau_max : float
         Largest actuation lag [s].
+    reception : float, optional
+        Smallest packet reception probability, losses counted as zero; see `in_paper_region`.
 
     Returns
     -------
@@ -181,7 +185,7 @@ def paper_region(k_a: float, time_headway: float, rho: float, tau_max: float) ->
     """
     require_positive("time_headway", time_headway, "s")
     require_positive("tau_max", tau_max, "s")
-    low, high = checked_interval(k_a, rho)
+    low, high = checked_interval(k_a, rho, reception=reception)
     a1 = (1.0 - high) * (1.0 + high) / (2.0 * tau_max)
     a2 = (1.0 - low) / time_headway
     b1, b2 = a1 / time_headway, 2.0 * a2 / time_headway

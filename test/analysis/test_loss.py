@@ -1,25 +1,34 @@
 """Lossy runs measured and judged: loss, age of information, and which system is judged."""
 
 import dataclasses
+import math
+import re
 import sys
 
 import numpy as np
 import pytest
 
-from cacc_platoon.analysis import analyse, compute_metrics, judge
+from cacc_platoon.analysis import (
+    analyse,
+    compute_metrics,
+    judge,
+    warn_if_not_string_stable,
+)
 from cacc_platoon.analysis.age import information_age, link_reception
 from cacc_platoon.model import ComposedChannel
 from cacc_platoon.report import metrics_document, summary
+from cacc_platoon.report.metrics_json import verdict_document
 from cacc_platoon.runs.recording import recording_of
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.simulation import Arrivals, simulate
-from cacc_platoon.theory import certify, is_sampled_string_stable
+from cacc_platoon.theory import certify, exact_region, is_sampled_string_stable
 
 SHORT = {"platoon.followers": 3, "run.duration": 20.0, "leader.start": 1.0}
 
 
 def lossy(loss, reception="hold", **more):
-    return Scenario.from_values({**SHORT, "v2v.loss": loss, "v2v.reception": reception, **more})
+    common = {**SHORT, "v2v.loss": loss, "v2v.reception": reception}
+    return Scenario.from_values(common).with_values(more)
 
 
 def test_the_age_of_the_newest_packet():
@@ -99,6 +108,98 @@ def test_a_loop_that_is_sampled_too_slowly_is_not_blamed_on_loss():
     verdict = judge(lossy(0.001, **{"run.step": 0.2}))
     assert verdict.string_stable
     assert any("sampled every 0.2 s" in reason for reason in verdict.void)
+
+
+def step_advised(text: str) -> float:
+    found = re.search(r"below (\S+) s", text)
+    assert found
+    return float(found[1])
+
+
+def sampled_below(scenario: Scenario, step: float) -> Scenario:
+    """Return the scenario sampled just faster, for a whole number of steps."""
+    microseconds = math.ceil(step * 1e6) - 1
+    return scenario.with_values(
+        {"run.step": microseconds / 1e6, "run.duration": microseconds / 1e3, "leader.start": 0.0}
+    )
+
+
+def test_a_step_that_is_lowered_as_advised_certifies_with_held_packets():
+    """Vehicle 3 loses most and decides; 95.8 ms would do without loss and fails with it."""
+    slow = lossy(0.2, **{"run.step": 0.2, "vehicle_3.v2v.loss": 0.5})
+    verdict = judge(slow)
+    assert verdict.headline == "STRING STABLE BY DESIGN, CERTIFICATE VOID"
+    (reason,) = verdict.void
+    assert "vehicle 3, sampled every 0.2 s with the last packet held" in reason
+    assert "3 vehicles in all" in reason
+    advised = step_advised(reason)
+    assert advised == pytest.approx(0.0444, abs=1e-4)
+    assert judge(sampled_below(slow, advised)).certified
+    assert judge(sampled_below(slow, 0.0958)).headline == "NOT STRING STABLE"
+
+
+def test_either_way_out_of_lost_packets_certifies():
+    """Of two that fail the warning is about the one that loses most, so that both are mended."""
+    worse = {"vehicle_2.v2v.loss": 0.97, "vehicle_3.v2v.loss": 0.99}
+    failed = lossy(0.1, **worse)
+    warning = warn_if_not_string_stable(failed)
+    assert warning is not None
+    assert (
+        "is not string stable (vehicle 3), sup|H| = 1 of the loop without loss: with a" in warning
+    )
+    assert "share 0.01 of all packets received" in warning
+    assert judge(sampled_below(failed, step_advised(warning))).certified
+    share = re.search(r"less than a share (\S+) of the packets", warning)
+    assert share
+    loss = 0.999 * float(share[1])
+    mended = {"vehicle_2.v2v.loss": loss, "vehicle_3.v2v.loss": loss}
+    assert judge(lossy(0.1, **mended)).certified
+
+
+def test_a_design_that_no_step_keeps_is_not_told_to_lower_it():
+    """k_v on the upper edge of the exact region: every period loses what is just held."""
+    region = exact_region(0.5, 1.3, 5.0, 0.5)
+    edge = float(region.bounds(np.float64(0.1))[1])
+    values = {"controller.time_headway": 1.3, "controller.k_p": 0.1, "controller.k_v": edge}
+    scenario = Scenario.from_values({**SHORT, **values})
+    (reason,) = judge(scenario).void
+    assert "nor is it at any other run.step" in reason
+    assert "raise time_headway and lower run.step" in reason
+    mended = scenario.with_values({"controller.time_headway": 1.32})
+    certificate = judge(mended).followers[0].certificate
+    assert certificate is not None
+    assert judge(sampled_below(mended, certificate.critical_period)).certified
+
+
+def test_the_interval_that_is_named_is_the_one_that_is_judged():
+    both = {"vehicle_2.v2v.reception": "zero", "vehicle_2.v2v.loss": 0.3}
+    assert "I = [m k_a, M k_a]" in judge(lossy(0.0)).basis
+    assert "I = [m k_a, M k_a]" in judge(lossy(0.3)).basis
+    for scenario in (lossy(0.3, "zero"), lossy(0.1, **both)):
+        assert "I = [m k_a, M k_a]" not in judge(scenario).basis
+        assert "I = [p m k_a, M k_a]" in judge(scenario).basis
+    mixed = judge(lossy(0.1, **both, **{"vehicle_3.v2v.loss": 0.2})).basis
+    assert "p = 0.7 at vehicle 2, and p = 1 elsewhere" in mixed
+    assert "count as zero at vehicle 2: judged" in mixed
+    assert "held at vehicles 1, 3 while others are lost" in mixed
+    assert "probability p of each (least 0.8, vehicle 3)" in mixed
+    assert " at vehicle" not in judge(lossy(0.3)).basis
+
+
+def test_whose_gains_are_of_the_loop_without_loss_is_said():
+    damped = {"controller.time_headway": 1.3, "controller.k_p": 0.1, "controller.k_v": 0.62}
+    mixed = {"vehicle_2.v2v.reception": "zero", "vehicle_3.v2v.loss": 0.0, **damped}
+    verdict = judge(lossy(0.1, **mixed))
+    assert [one.loop for one in verdict.followers] == ["without loss", "as judged", "as judged"]
+    document = verdict_document(verdict)
+    assert document["loop"] == document["per_follower"][0]["loop"] == "without loss"
+    for basis in (document["paper"]["basis"], document["linf_basis"]):
+        assert "of the loop without loss at vehicle 1" in basis
+    zero = verdict_document(judge(lossy(0.1, "zero", **damped)))
+    assert zero["loop"] == "as judged"
+    assert "without loss" not in str(zero)
+    held = verdict_document(judge(lossy(0.1, **damped)))
+    assert held["linf_basis"].endswith("; of the loop without loss")
 
 
 def test_everything_lost_is_no_fault_of_the_bag(bags, tmp_path):

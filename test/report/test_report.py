@@ -223,6 +223,7 @@ def test_report_that_cannot_be_written(run_folder, tmp_path, capsys):
 CHANGED = {
     "platoon.followers": 2,
     "platoon.first_follower": 4,
+    "platoon.predecessors": 2,
     "platoon.standstill_distance": 6.0,
     "platoon.initial_speed": 20.0,
     "platoon.namespace": "/other",
@@ -273,12 +274,16 @@ OWN_PARTS = """
 from cacc_platoon.model import ComposedChannel, ContentNoise, IndependentLoss
 
 
-def law(follower):
-    return follower.spacing_policy()
+class law:
+    def __init__(self, follower):
+        self._law = follower.spacing_policy()
+
+    def command(self, x, v, x_ahead, v_ahead, *received):
+        return self._law.command(x, v, x_ahead, v_ahead, received[-1])
 
 
 def channel(follower):
-    loss = IndependentLoss(follower.v2v.loss, follower.seed, follower.index)
+    loss = IndependentLoss(follower.v2v.loss, follower.seed, follower.link.key)
     return ComposedChannel([ContentNoise(follower.noise()), loss])
 """
 

@@ -106,7 +106,10 @@ def test_the_mean_system_has_every_link():
     ("values", "words"),
     [
         ({"controller.law": ""}, "needs a controller.law that uses them, vehicle_1 has none"),
-        ({"platoon.first_follower": 7}, "the vehicles before the leader are not in the run"),
+        (
+            {"leader.profile": "bag", "leader.file": "run"},
+            "what the vehicles before the leader sent is not in the run",
+        ),
     ],
 )
 def test_predecessors_that_nobody_would_use_are_refused(values, words):

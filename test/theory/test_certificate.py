@@ -1,5 +1,6 @@
 """The certificate: each part against the worst of many lags and gains, computed when read."""
 
+import dataclasses
 import pickle
 
 import numpy as np
@@ -104,6 +105,29 @@ def test_parts_agree_with_the_functions_of_their_names():
     assert certificate.mean_square_index == index
 
 
+def test_held_packets_shorten_the_critical_period():
+    """Followed, it certifies; a period below the one without loss need not."""
+    held = certify(A, 5.0, 0.5, period=0.2, held=0.5)
+    whole = certify(A, 5.0, 0.5)
+    assert held.critical_period == critical_period(A, 5.0, 0.5, held=0.5)
+    assert held.critical_period < 0.5 * whole.critical_period
+    between = dataclasses.replace(held, period=0.99 * whole.critical_period)
+    assert between.fails_held
+    below = dataclasses.replace(held, period=0.99 * held.critical_period)
+    assert below.string_stable
+    assert below.sampled_string_stable
+    with pytest.raises(DesignError, match="stale"):
+        _ = held.critical_period_stale_accel
+
+
+def test_a_loop_that_no_period_keeps_is_no_matter_of_sampling():
+    """Without a single packet C = 0.009 (0.95 (1.26 + 0.00855) - 2) < 0 at k = 0."""
+    lost = certify(A, 5.0, 0.5, period=0.2, held=0.0)
+    assert lost.critical_period == 0.0
+    assert not lost.string_stable
+    assert lost.fails_held
+
+
 @given(
     st.floats(0.3, 3), st.floats(0, 0.8), st.floats(0.05, 2), st.floats(1e-3, 2), st.floats(0, 1)
 )
@@ -131,7 +155,7 @@ def test_only_what_is_read_is_computed():
 def test_all_parts_at_once():
     parts = certify(A, 5.0, 0.5).parts()
     assert {"string_stable", "l2_gain", "peak_frequency", "linf_gain", "interval"} <= set(parts)
-    assert len(parts) == 16
+    assert len(parts) == 17
     assert not any(name.startswith("_") for name in parts)
 
 
@@ -142,6 +166,7 @@ def test_all_parts_at_once():
         ({"tau_max": 0.0}, "tau_max = 0"),
         ({"period": -1.0}, "period = -1"),
         ({"reception": 1.5}, "reception = 1.5"),
+        ({"held": -1.0}, "held = -1 is not a probability"),
         ({"k_effective": -0.1}, "k_effective = -0.1"),
         ({"gains": A._replace(k_v=float("nan"))}, "k_v = nan"),
         ({"gains": A._replace(time_headway=0.0)}, "time_headway = 0"),

@@ -1,6 +1,9 @@
 """Why a design fails, stated by value, rule, consequence and remedy; and the remedies work."""
 
+import math
 import re
+from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,14 +12,17 @@ from hypothesis import strategies as st
 
 from cacc_platoon.model import Gains
 from cacc_platoon.theory import (
+    Certificate,
     Failure,
     certify,
+    critical_period,
     exact_region,
     explain_failure,
     explain_verdict,
     headway_bound,
     minimum_headway,
     propagation_margins,
+    rounded_down,
 )
 
 A = Gains(0.95, 0.5, 0.63, 0.009)
@@ -116,3 +122,79 @@ def test_every_failure_is_explained_in_one_line_and_the_gains_it_offers_hold(gai
     if "whatever k_v and k_p are" in failure.consequence:
         assert gains.time_headway < minimum_headway(gains.k_a, rho, 0.5, reception=reception)
         assert gains.time_headway < headway_bound(gains.k_a, rho, 0.5, reception=reception)
+
+
+@given(
+    st.floats(1.0, 2.0),
+    st.floats(0.05, 0.8),
+    st.floats(-4, 1).map(math.exp),
+    st.sampled_from([0.0, 0.1, 0.5, 0.9, 1.0]),
+    st.floats(-5, 0).map(math.exp),
+    st.one_of(st.floats(0, 1), st.floats(-5, 0).map(math.exp)),
+    st.floats(0.01, 1.0),
+)
+@settings(max_examples=300, deadline=None)
+def test_what_is_advised_where_packets_are_held_certifies(  # noqa: PLR0917
+    longer, k_a, k_p, place, period, held, less
+):
+    """Gains that pass the exact test, on its edges too; each way out is followed by itself."""
+    h = longer * minimum_headway(k_a, 5.0, 0.5)
+    region = exact_region(k_a, h, 5.0, 0.5)
+    k_p = max(k_p, region.k_p_min)
+    low, high = (float(x) for x in region.bounds(np.float64(k_p)))
+    gains = Gains(h, k_a, max(low + place * (high - low), 1e-3), k_p)
+    certificate = certify(gains, 5.0, 0.5, period=period, held=held)
+    failure = explain_failure(certificate)
+    assert (failure is None) == certificate.string_stable
+    if not certify(gains, 5.0, 0.5).string_stable:
+        return
+    if failure is None:
+        if not certificate.sampled_string_stable and held < 1:
+            shorter = less * float(rounded_down(certificate.critical_period))
+            assert holds(replace(certificate, period=shorter))
+        return
+    for mended in followed(certificate, failure.remedy, less):
+        assert holds(mended), failure
+
+
+def holds(certificate: Certificate) -> bool:
+    return certificate.string_stable and certificate.sampled_string_stable
+
+
+def followed(certificate: Certificate, remedy: str, less: float) -> Iterator[Certificate]:
+    """Yield a certificate for each way that a remedy offers, at a share `less` of its bound."""
+    bound = re.search(r"control period below (\S+) s", remedy)
+    period = less * float(bound[1]) * (1 - 1e-9) if bound else certificate.period
+    if "Lose no packets, lower" in remedy:
+        gains = certificate.gains
+        if not bound:
+            gains = gains._replace(time_headway=1.02 * gains.time_headway)
+            period = 0.9 * critical_period(gains, certificate.rho, certificate.tau_max)
+        yield replace(certificate, gains=gains, held=1.0, period=period)
+        return
+    if share := re.search(r"less than a share (\S+) of", remedy):
+        yield replace(certificate, held=1 - less * float(share[1]) * (1 - 1e-9))
+    else:
+        assert remedy.startswith("Lose no packets")
+        yield replace(certificate, held=1.0)
+    if bound:
+        yield replace(certificate, period=period)
+
+
+def test_gains_that_fail_without_loss_are_mended_first_and_that_is_said():
+    wrong = certify(A._replace(k_v=0.5), 5.0, 0.5, held=0.1)
+    failure = explain_failure(wrong)
+    assert failure is not None
+    assert "Raise k_v into [0.627304, 0.701188], which mends the loop without loss" in str(failure)
+    mended = certify(A._replace(k_v=0.66), 5.0, 0.5, held=0.1)
+    assert replace(mended, held=1.0).string_stable
+
+
+def test_a_design_that_holds_packets_is_explained_at_its_period():
+    fast = explain_verdict(certify(A, 5.0, 0.5, held=0.5))
+    assert "with a share 0.5 of all packets received and the last one held, the mean loop" in fast
+    assert "sampled every 0.01 s is string stable" in fast
+    slow = certify(A, 5.0, 0.5, held=0.5, period=0.2)
+    assert slow.string_stable
+    assert "sampled every 0.2 s is not string stable" in explain_verdict(slow)
+    assert "held" not in explain_verdict(certify(A, 5.0, 0.5))

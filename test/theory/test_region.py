@@ -12,6 +12,7 @@ from cacc_platoon.theory import (
     DesignError,
     conservatism,
     exact_region,
+    frequency_response,
     headway_bound,
     in_paper_region,
     infimum_headway,
@@ -24,6 +25,7 @@ from cacc_platoon.theory import (
     robust_string_stability_map,
     stable_gain_range,
 )
+from cacc_platoon.theory.response_band import response_band
 
 A = Gains(0.95, 0.5, 0.63, 0.009)
 
@@ -203,3 +205,18 @@ def test_refusals_say_value_rule_and_remedy(call, words):
     text = str(refusal.value)
     assert all(word in text for word in words), text
     assert "\n" not in text
+
+
+def test_region_and_band_reach_down_to_the_gains_that_losses_leave():
+    """S with p = 0.7 holds exactly the gains that pass Theorem 2 for [0.28, 0.6]."""
+    region = paper_region(0.5, 1.3, 5.0, 0.5, reception=0.7)
+    assert region.a2 == pytest.approx((1 - 0.28) / 1.3, rel=1e-14)
+    assert region.a1 == paper_region(0.5, 1.3, 5.0, 0.5).a1
+    for share in (0.1, 0.5, 0.9):
+        k_v = region.a2 + share * (region.a1 - region.a2)
+        assert in_paper_region(Gains(1.3, 0.5, k_v, 1e-6), 5.0, 0.5, reception=0.7)
+    gains = Gains(1.3, 0.5, 0.62, 0.1)
+    lossy, whole = (response_band(gains, 5.0, 0.5, reception=p) for p in (0.7, 1.0))
+    assert (lossy.low < whole.low - 1e-3).any()
+    least = np.abs(frequency_response(gains, 0.5, 0.28, lossy.omega))
+    assert (lossy.low <= least).all()

@@ -6,17 +6,20 @@ import math
 import control
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from cacc_platoon.model import Gains, State, ThirdOrderPlant
 from cacc_platoon.theory import (
     DesignError,
+    critical_loss,
     critical_period,
+    exact_region,
     is_robustly_string_stable,
     is_sampled_string_stable,
     is_string_stable,
     l2_gain,
+    minimum_headway,
     sampled_stability_map,
 )
 from cacc_platoon.theory.sampled import sampled_hop
@@ -34,7 +37,7 @@ def discrete_plant(tau, period):
     return plant.A, plant.B
 
 
-def hop_response(gains, tau, k, period, omega, *, stale=False):
+def hop_response(gains, tau, k, period, omega, *, stale=False, held=1.0):
     """Frequency response from the predecessor's states, by linear solves of the closed loop."""
     h, _, k_v, k_p = gains
     A_d, B_d = discrete_plant(tau, period)
@@ -44,7 +47,7 @@ def hop_response(gains, tau, k, period, omega, *, stale=False):
     for w in omega:
         z = np.exp(1j * w * period)
         g = np.linalg.solve(z * np.eye(3) - A_d, B_d)  # states of the predecessor per command
-        a = g[2] * (1 / z if stale else 1)
+        a = g[2] * (1 / z if stale else 1) * held / (1 - (1 - held) / z)
         drive = k * a + k_v * g[1] + k_p * g[0]
         x = np.linalg.solve(z * np.eye(3) - closed, B_d * drive)
         result.append(x[0] / g[0])
@@ -84,13 +87,97 @@ def test_certificate_against_the_closed_loop_of_python_control(design):
         assert radius > 1 - 1e-9
 
 
-@given(DESIGNS)
+@given(DESIGNS, st.one_of(st.floats(0, 1), st.floats(-6, 0).map(math.exp)))
+@settings(max_examples=150, deadline=None)
+def test_held_packets_against_the_closed_loop_of_python_control(design, held):
+    """Brute force over frequency, k filtered by p/(1 - (1 - p)/z) beside the loop."""
+    h, k_v, k_p, tau, k, period, _ = design
+    gains = Gains(h, k, k_v, k_p)
+    omega = np.geomspace(1e-2, np.pi / period * (1 - 1e-9), 400)
+    H, radius = hop_response(gains, tau, k, period, omega, held=held)
+    if sampled_stability_map(h, k_v, k_p, tau, k, period=period, held=held):
+        assert radius < 1
+        assert H.max() <= 1 + 1e-6
+    elif radius < 1 - 1e-9:
+        hop = sampled_hop(h, k_v, k_p, tau, k, period=period, held=held)
+        theta = np.concatenate((np.geomspace(1e-6, np.pi, 4000), omega * period))
+        d = (np.exp(1j * theta) - 1) / period
+        n, m = (np.polynomial.polynomial.polyval(d, np.array(c)) for c in hop[:2])
+        assert (np.abs(n) - np.abs(m)).max() > -1e-12 * np.abs(m).max()
+
+
+STABLE = st.tuples(
+    st.floats(1.0, 2.0),  # headway over the least
+    st.floats(0.05, 0.8),
+    st.floats(-4, 1).map(math.exp),
+    st.floats(0.02, 0.98),  # place of k_v in the exact region
+    st.floats(0.1, 0.8),
+)
+
+
+def design_in_the_region(draw):
+    share, k_a, k_p, place, tau = draw
+    h = share * minimum_headway(k_a, 5.0, tau)
+    region = exact_region(k_a, h, 5.0, tau)
+    k_p = max(k_p, region.k_p_min)
+    low, high = (float(x) for x in region.bounds(np.float64(k_p)))
+    return Gains(h, k_a, max(low + place * (high - low), 1e-3), k_p), tau
+
+
+@given(STABLE, st.floats(-4, 0).map(math.exp))
+@settings(max_examples=60, deadline=None)
+def test_critical_period_with_held_packets_is_the_first_loss(draw, held):
+    """Every period below keeps string stability, just above it is lost."""
+    gains, tau = design_in_the_region(draw)
+    assume(is_robustly_string_stable(gains, 5.0, tau))
+    longest = critical_period(gains, 5.0, tau, held=held)
+    assert longest <= critical_period(gains, 5.0, tau) * (1 + 1e-6)
+    for share in np.linspace(0.02, 0.9999, 30) if longest else ():
+        assert is_sampled_string_stable(gains, 5.0, tau, share * longest, held=held)
+    above = longest * (1 + 1e-5) or 1e-6 * tau
+    assert not is_sampled_string_stable(gains, 5.0, tau, above, held=held)
+
+
+@given(STABLE, st.floats(-4, -1).map(math.exp))
+@settings(max_examples=60, deadline=None)
+def test_critical_loss_is_the_first_loss(draw, period):
+    gains, tau = design_in_the_region(draw)
+    most = critical_loss(gains, 5.0, tau, period)
+    for loss in np.linspace(0.0, 0.9999, 30) * most if most else ():
+        assert is_sampled_string_stable(gains, 5.0, tau, period, held=1 - loss)
+    if most < 1 - 1e-4:
+        above = most * (1 + 1e-5) or 1e-6
+        assert not is_sampled_string_stable(gains, 5.0, tau, period, held=1 - above)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"held": -1.0}, "held = -1 is not a probability: .* Give held from 0 to 1"),
+        ({"held": 1.5}, "held = 1.5 is not a probability"),
+        ({"held": math.nan}, "held = nan is not a probability"),
+        ({"held": 0.5, "stale": True}, "held = 0.5 is below 1 and .* stale: .* Give held = 1"),
+    ],
+)
+def test_held_that_has_no_meaning_is_refused(change, words):
+    unstable = A._replace(time_headway=0.1)  # refused whatever the answer would be
+    for gains in (A, unstable):
+        with pytest.raises(DesignError, match=words):
+            is_sampled_string_stable(gains, 5.0, 0.5, 0.01, **change)
+        with pytest.raises(DesignError, match=words):
+            critical_period(gains, 5.0, 0.5, **change)
+    with pytest.raises(DesignError, match=words):
+        sampled_stability_map(0.95, 0.63, 0.009, 0.5, 0.5, period=0.01, **change)
+
+
+@given(DESIGNS, st.floats(0.01, 1))
 @settings(max_examples=50, deadline=None)
-def test_coefficients_against_the_frequency_response(design):
+def test_coefficients_against_the_frequency_response(design, held):
     h, k_v, k_p, tau, k, period, stale = design
+    known = {"stale": stale, "held": 1.0 if stale else held}
     omega = np.linspace(0.05, 0.95, 7) * np.pi / period
-    H, _ = hop_response(Gains(h, k, k_v, k_p), tau, k, period, omega, stale=stale)
-    hop = sampled_hop(h, k_v, k_p, tau, k, period=period, stale=stale)
+    H, _ = hop_response(Gains(h, k, k_v, k_p), tau, k, period, omega, **known)
+    hop = sampled_hop(h, k_v, k_p, tau, k, period=period, **known)
     d = (np.exp(1j * omega * period) - 1) / period
     n, m = (np.polynomial.polynomial.polyval(d, np.array(c)) for c in hop[:2])
     assert np.abs(n / m) == pytest.approx(H, rel=1e-6)

@@ -1,0 +1,155 @@
+"""What each statement of a verdict rests on, in words: which test, of which loop, of whom."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from cacc_platoon.scenario import Follower, Scenario
+
+L2_NAME = "L2 string stability (H-infinity norm of H, paper's condition (3))"
+
+_EXACT_TEST = (
+    "exact test: C >= 0 and B + 2 tau sqrt(C) >= 0 at both ends of I = {} and tau0, equivalent to "
+    "sup|H(jw)| <= 1 for every tau in (0, tau0] and every {} in I"
+)
+_PAPER_TEST = "paper's Theorem 2: h_w > h_lb(k_a) and (k_p, k_v) in S = S1 and S2, sufficient only"
+_LINF_NAME = (
+    "L-infinity: L1 norm of the impulse response of H, at tau0 and both ends of I; bounds the "
+    "ratio of peaks of a_i, and of delta_i between equal followers"
+)
+_EQUAL = "delta_i = H delta_{i-1} for i >= 2, equal followers"
+_UNEQUAL = "a_i = H_i a_{i-1} for every follower's own H_i, unequal followers"
+_ZERO = (
+    "lost packets count as zero{}: judged is the mean system of every packet reception "
+    "probability from p{} to 1, k in [p m k_a, M k_a]"
+)
+_HOLD = (
+    "the last packet is held{} while others are lost: judged is the mean system too, at the packet "
+    "reception probability p{} and the control period of the run, by the exact test of the "
+    "sampled loop with k filtered by p/(1 - (1 - p)/z)"
+)
+_MOST_NAMED = 6  # vehicles
+
+
+class Arrival(NamedTuple):
+    """Packet reception probability of a follower where losses count as zero, and where one holds.
+
+    Attributes
+    ----------
+    zero, held : float
+        One of them is 1.
+    """
+
+    zero: float
+    held: float
+
+
+class LossBasis(NamedTuple):
+    """What is judged of the followers that lose packets and do one thing about it.
+
+    Attributes
+    ----------
+    followers : tuple of int
+        Their indices.
+    text : str
+        The test.
+    """
+
+    followers: tuple[int, ...]
+    text: str
+
+
+class Bases(NamedTuple):
+    """What the statements of one verdict rest on.
+
+    Attributes
+    ----------
+    exact : str
+        The exact test, with the interval that is judged.
+    law : str
+        What H carries from one vehicle to the next.
+    losses : tuple of LossBasis
+        What is judged of followers that lose packets.
+    paper, linf : str
+        The paper's test and the L-infinity gain, and of which loop they are.
+    without_loss : str
+        " of the loop without loss", and of whom when not of all; empty where nobody holds lost
+        packets.
+    """
+
+    exact: str
+    law: str
+    losses: tuple[LossBasis, ...]
+    paper: str
+    linf: str
+    without_loss: str
+
+    def __str__(self) -> str:
+        """Return the exact test and what it decides."""
+        return "; ".join((self.exact, self.law, L2_NAME, *(loss.text for loss in self.losses)))
+
+
+def arrival(follower: Follower) -> Arrival:
+    """Return the share of packets that a follower receives, by what it does about lost ones."""
+    arrives = 1.0 - follower.v2v.loss
+    return Arrival(1.0, arrives) if follower.v2v.reception == "hold" else Arrival(arrives, 1.0)
+
+
+def bases_of(scenario: Scenario, *, equal: bool) -> Bases:
+    """Say what the verdict about a scenario rests on.
+
+    Examples
+    --------
+    >>> lossy = Scenario.from_values({"v2v.loss": 0.3, "v2v.reception": "zero"})
+    >>> "I = [p m k_a, M k_a]" in bases_of(lossy, equal=True).exact
+    True
+    """
+    everyone = scenario.indices
+    shares = {follower.index: arrival(follower) for follower in scenario.followers}
+    zero = {index: share.zero for index, share in shares.items() if share.zero < 1.0}
+    held = {index: share.held for index, share in shares.items() if share.held < 1.0}
+    losses = tuple(
+        LossBasis(tuple(some), text.format(_at(tuple(some), everyone), _share(some)))
+        for text, some in ((_ZERO, zero), (_HOLD, held))
+        if some
+    )
+    without_loss = f" of the loop without loss{_at(tuple(held), everyone)}" if held else ""
+    interval = ", with the I of the exact test" if zero else ""
+    return Bases(
+        _exact_test(zero, everyone),
+        _EQUAL if equal else _UNEQUAL,
+        losses,
+        f"{_PAPER_TEST}{interval}{without_loss and ',' + without_loss}",
+        f"{_LINF_NAME}{without_loss and ';' + without_loss}",
+        without_loss,
+    )
+
+
+def _exact_test(zero: dict[int, float], everyone: Sequence[int]) -> str:
+    if not zero:
+        return _EXACT_TEST.format("[m k_a, M k_a]", "k_a E[w]")
+    whose = _at(tuple(zero), everyone)
+    rest = f"{whose}, and p = 1 elsewhere" if whose else ""
+    return (
+        _EXACT_TEST.format("[p m k_a, M k_a]", "k")
+        + f", with the packet reception probability p{_share(zero)}{rest}"
+    )
+
+
+def _share(shares: dict[int, float]) -> str:
+    least = min(shares, key=shares.__getitem__)
+    if len(set(shares.values())) == 1:
+        return f" = {shares[least]:.6g}"
+    return f" of each (least {shares[least]:.6g}, vehicle {least})"
+
+
+def _at(some: Sequence[int], everyone: Sequence[int]) -> str:
+    """Name some of the followers, by nothing when they are all."""
+    if len(some) == len(everyone):
+        return ""
+    if len(some) == 1:
+        return f" at vehicle {some[0]}"
+    named = ", ".join(str(index) for index in some[:_MOST_NAMED])
+    more = f" and {len(some) - _MOST_NAMED} more" if len(some) > _MOST_NAMED else ""
+    return f" at vehicles {named}{more}"

@@ -1,0 +1,168 @@
+"""What a report says of a run that loses packets: of which loop, of whom, and only what is so."""
+
+import html
+import re
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from cacc_platoon.analysis import analyse
+from cacc_platoon.cli.simulate import simulate_run
+from cacc_platoon.report import figure_list, metrics_document, report_run, summary
+from cacc_platoon.report.verdict_section import verdict_section
+from cacc_platoon.scenario import Scenario
+from cacc_platoon.simulation import chance_deviation
+from cacc_platoon.theory import exact_region, paper_region
+from cacc_platoon.theory.response_band import response_band
+
+DAMPED = {
+    "platoon.followers": 4,
+    "run.duration": 6.0,
+    "leader.start": 0.0,
+    "controller.time_headway": 1.3,
+    "controller.k_p": 0.1,
+    "controller.k_v": 0.62,
+}
+MIXED = {
+    "v2v.loss": 0.1,
+    "vehicle_2.v2v.reception": "zero",
+    "vehicle_2.v2v.loss": 0.3,
+    "vehicle_3.v2v.loss": 0.4,
+    "vehicle_4.v2v.loss": 0.0,
+}
+ZERO_FAILS = {**MIXED, "vehicle_2.controller.time_headway": 0.7}
+HOLD_FAILS = {**MIXED, "vehicle_3.v2v.loss": 0.99}
+TOO_SLOW = {"v2v.loss": 0.1, "run.step": 0.4, "vehicle_3.v2v.loss": 0.5}
+
+
+@pytest.fixture
+def made(tmp_path):
+    """Return a function from values to the terminal's lines and the page's rows of a run."""
+
+    def make(values):
+        simulate_run(Scenario.from_values(DAMPED).with_values(values), tmp_path / "run")
+        report = analyse(tmp_path / "run", runs=0)
+        metrics = metrics_document(report)
+        return report, summary(report, metrics), page_rows(verdict_section(report, metrics))
+
+    return make
+
+
+def page_rows(text: str) -> dict[str, list[str]]:
+    """Return answer and basis of each question of a page; several to one question are joined."""
+    rows: dict[str, list[str]] = {"": [html.unescape(re.sub(r"<[^>]+>", " ", text))]}
+    for row in re.findall(r"<tr>(.*?)</tr>", text):
+        cells = [html.unescape(cell) for cell in re.findall(r'<td class="text">([^<]*)</td>', row)]
+        if len(cells) == 3:
+            rows.setdefault(cells[0], []).extend(cells[1:])
+    return rows
+
+
+def test_the_gain_shown_is_of_the_loop_without_loss_where_the_weakest_holds(made):
+    report, text, _ = made(MIXED)
+    assert report.verdict.weakest.follower == 3
+    assert "sup|H| = 1 (L2) of the loop without loss (vehicle 3 is the weakest)" in text
+    assert "Theorem 2 (sufficient) of the loop without loss at vehicles 1, 3: " in text
+
+
+def test_the_gain_shown_is_as_judged_where_the_weakest_counts_zero(made):
+    """Others hold lost packets; the interval, the lag and the gain are those of vehicle 2."""
+    report, text, rows = made(ZERO_FAILS)
+    assert report.verdict.weakest.follower == 2
+    assert "every p k_a E[w] in [0.28, 0.6] (vehicle 2): failed: time_headway = 0.7 s" in text
+    gain = report.verdict.weakest.l2_gain
+    assert gain > 1
+    assert f"sup|H| = {gain:.9g} (L2) (vehicle 2 is the weakest)" in text
+    assert "vehicle 2, time_headway = 0.7 s is below" in rows[""][0]
+    assert "rad/s. In the expectation run" in rows[""][0]
+
+
+def test_each_kind_of_loss_has_its_own_answer(made):
+    _, text, rows = made(HOLD_FAILS)
+    zero, zero_basis, hold, hold_basis = rows["With packet loss, in the mean"]
+    assert (zero, hold) == ("yes", "no")
+    assert "count as zero at vehicle 2: judged" in zero_basis
+    assert "held at vehicles 1, 3 while others are lost" in hold_basis
+    assert "least 0.01, vehicle 3" in hold_basis
+    assert zero_basis in text
+    assert hold_basis in text
+    assert "in the mean of all losses: vehicle 3, with a share 0.01 of all packets" in rows[""][0]
+    assert "rad/s of the loop without loss" in rows[""][0]
+    exact = rows["String stable, robustly (L2)"]
+    assert exact[0] == "no"
+    assert "p = 0.7 at vehicle 2, and p = 1 elsewhere" in exact[1]
+    assert "which no one gain describes" in rows["With the mean noise of this run"][1]
+
+
+def test_a_loop_that_holds_and_is_sampled_too_slowly_has_no_yes(made):
+    report, _, rows = made(TOO_SLOW)
+    assert report.verdict.string_stable
+    assert rows["With packet loss, in the mean"][0] == "no"
+    assert rows["Sampled at the control period"][0] == "no"
+    assert "Sampled fast enough, disturbances do not grow" in rows[""][0]
+
+
+def test_a_run_without_loss_speaks_of_none(made):
+    _, text, rows = made({})
+    assert "loss" not in text.replace("packet loss", "").replace("% lost", "")
+    assert "With packet loss, in the mean" not in rows
+    assert "loss" not in rows[""][0]
+
+
+def test_pictures_of_a_design_are_of_the_interval_that_is_judged(made, monkeypatch):
+    asked = {}
+    for drawer in (response_band, paper_region, exact_region):
+
+        def noted(*question, drawer=drawer, **more):
+            asked[drawer] = more["reception"]
+            return drawer(*question, **more)
+
+        monkeypatch.setattr(figure_list, drawer.__name__, noted)
+    report, _, _ = made(ZERO_FAILS)
+    drawn = {picture.name: picture for picture in figure_list.pictures(report)}
+    assert asked == dict.fromkeys((response_band, paper_region, exact_region), 0.7)
+    for name in ("response", "region"):
+        caption = drawn[name].caption
+        assert "Vehicle 2. Lost packets count as zero, I reaches down to p m k_a." in caption
+    mean = report.measured.noise[1].expected_mean
+    assert f"{0.7 * 0.5 * mean:.4g}" in drawn["response"].svg()
+
+
+def test_pictures_of_a_design_that_holds_say_that_it_is_without_loss(made):
+    report, _, _ = made(HOLD_FAILS)
+    captions = [
+        picture.caption for picture in figure_list.pictures(report) if picture.name == "response"
+    ]
+    assert "Vehicle 3. The loop without loss" in captions[0]
+
+
+def row_of_agreement(report, **changes):
+    metrics = metrics_document(report)
+    metrics["ensemble"] |= changes
+    return page_rows(verdict_section(report, metrics))["Mean of noisy runs"]
+
+
+def test_whether_noisy_runs_agree_depends_on_the_number(whole_run, tmp_path):
+    report, _ = report_run(whole_run, runs=20, output=tmp_path)
+    away = metrics_document(report)["ensemble"]["max_standard_errors_from_expectation"]
+    assert away < chance_deviation(20)
+    answer, basis = row_of_agreement(report)
+    assert answer == f"agree within {away:.3g} standard errors"
+    assert "chance explains up to 7.37 standard errors of a mean of 20" in basis
+    answer, basis = row_of_agreement(report, max_standard_errors_from_expectation=7.5)
+    assert answer == "do not agree, 7.5 standard errors apart"
+    assert "agree" not in basis
+    answer, _ = row_of_agreement(report, max_standard_errors_from_expectation=7.5, runs=10)
+    assert answer == "agree within 7.5 standard errors"
+    answer, _ = row_of_agreement(report, max_standard_errors_from_expectation=None)
+    assert answer == "unknown, they overflow"
+    answer, _ = row_of_agreement(report, max_standard_errors_from_expectation=0.0)
+    assert answer == "unknown, they have no spread"
+
+
+@pytest.mark.parametrize("runs", [5, 10, 20, 100, 400])
+def test_what_chance_explains_is_a_quantile_of_student(runs):
+    exact = stats.t.isf(stats.norm.sf(5.0), runs - 1)
+    assert chance_deviation(runs) == pytest.approx(exact, rel=0.25 if runs < 10 else 0.06)
+    assert np.isfinite(chance_deviation(2))
