@@ -27,15 +27,21 @@ def broken_premises(
 def _own_code(scenario: Scenario) -> list[str]:
     """Name custom channels and laws, of which nothing is proven."""
     channels = sorted({f.v2v.channel for f in scenario.followers if f.v2v.channel})
-    laws = sorted({name for f in scenario.followers if (name := _other_law(f))})
     return [
         *(f"v2v.channel = {name} is another channel than noise and loss" for name in channels),
-        *(f"the control law {name} is another one than the certified one" for name in laws),
+        *(
+            f"the control law {name} is another one than the certified one"
+            for name in other_laws(scenario)
+        ),
     ]
 
 
+def other_laws(scenario: Scenario) -> list[str]:
+    """Name the control laws that are not the certified one; custom code is not run."""
+    return sorted({name for follower in scenario.followers if (name := _other_law(follower))})
+
+
 def _other_law(follower: Follower) -> str:
-    """Name a law that is not the certified one; code of the user's is not run."""
     if follower.law_name:
         return follower.law_name
     law = follower.law()

@@ -12,7 +12,7 @@ from cacc_platoon.analysis.age import LinkReception
 from cacc_platoon.analysis.basis import Bases, arrival, bases_of
 from cacc_platoon.analysis.consistency import Consistency
 from cacc_platoon.analysis.noise import LinkNoise
-from cacc_platoon.analysis.premises import broken_premises
+from cacc_platoon.analysis.premises import broken_premises, other_laws
 from cacc_platoon.errors import UserError
 from cacc_platoon.scenario import Follower, Scenario
 from cacc_platoon.theory import (
@@ -145,6 +145,8 @@ class Verdict:
     equal_links : bool
         Whether delta_i = H delta_{i-1} holds; with unequal followers the test certifies
         a_i = H_i a_{i-1} instead.
+    another_law : bool
+        Whether some follower has another control law, of which nothing is certified.
     void : tuple of str
         Why the certificate does not apply to this run; empty when it does.
     followers : tuple of FollowerVerdict
@@ -160,6 +162,7 @@ class Verdict:
     in_paper_region: bool
     bases: Bases
     equal_links: bool
+    another_law: bool
     void: tuple[str, ...]
     followers: tuple[FollowerVerdict, ...]
     weakest: FollowerVerdict
@@ -188,7 +191,7 @@ class Verdict:
     @property
     def headline(self) -> str:
         """The verdict in a few words."""
-        if self.undecided:
+        if self.undecided or self.another_law:
             return "NOT CERTIFIED"
         if not self.string_stable:
             return "NOT STRING STABLE"
@@ -237,6 +240,7 @@ def judge(
         all(verdict.in_paper_region for verdict in verdicts),
         bases_of(scenario, equal=equal),
         equal,
+        bool(other_laws(scenario)),
         (
             *_sampled_too_slowly(verdicts),
             *broken_premises(scenario, noise or [], reception or [], consistency),
@@ -342,8 +346,10 @@ def warn_if_not_string_stable(scenario: Scenario) -> str | None:
     True
     """
     verdict = judge(scenario)
+    if verdict.another_law or (verdict.void and verdict.string_stable):
+        return f"{scenario.name}: {verdict.void[0]}"
     if verdict.string_stable:
-        return f"{scenario.name}: {verdict.void[0]}" if verdict.void else None
+        return None
     if verdict.undecided:
         return f"the gains cannot be certified: {verdict.weakest.reason}"
     weakest = verdict.weakest

@@ -61,6 +61,11 @@ def _meaning(report: Report) -> str:
         f"In the expectation run the largest spacing error is {describe_growth(peaks)} along the "
         f"platoon, {peaks[0]:.6f} m at the first follower and {peaks[-1]:.6f} m at the last."
     )
+    if verdict.another_law:
+        return (
+            "Certificates are of the law of time headway and gains, which not every vehicle "
+            f"follows: nothing is certified of this platoon. {course}"
+        )
     mean = ", in the mean of all losses" if verdict.bases.losses else ""
     if verdict.string_stable:
         slow = any(one.loop == WITHOUT_LOSS and not one.sampled for one in verdict.followers)
@@ -181,6 +186,8 @@ def _outcome_table(metrics: dict[str, Any]) -> str:
         ("smallest w", "-", "noise.min_w", ".6f"),
         ("largest w", "-", "noise.max_w", ".6f"),
         ("realised SNR", "dB", "noise.snr_db", ".3f"),
+        ("share of packets lost, all links", "-", "loss", ".4f"),
+        ("largest age of information", "s", "age.max", ".3f"),
     ]
     body = "".join(
         f'<tr><td class="text">{name} [{unit}]</td>{cell(metrics, key, form)}</tr>'

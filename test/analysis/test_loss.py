@@ -233,3 +233,17 @@ def test_a_late_channel_is_not_blamed_for_packets_that_are_under_way(bags, tmp_p
     assert all(link.arrived == link.sent - 20 for link in report.measured.reception)
     assert any("late_channels:Late" in reason for reason in report.verdict.void)
     assert not any("lost more packets" in reason for reason in report.verdict.void)
+
+
+@pytest.mark.parametrize("headway", [0.95, 0.5])
+def test_nothing_is_certified_of_another_law(headway):
+    """Neither that it is string stable nor that it is not: its gains are not what drives."""
+    scenario = Scenario.from_values(
+        {**SHORT, "controller.law": "my_laws:Law", "controller.time_headway": headway}
+    )
+    verdict = judge(scenario)
+    assert verdict.headline == "NOT CERTIFIED"
+    assert not verdict.certified
+    warning = warn_if_not_string_stable(scenario)
+    assert warning is not None
+    assert "my_laws:Law is another one than the certified one" in warning
