@@ -84,14 +84,12 @@ def test_load_does_not_matter(platoon: Start, expected: str) -> None:
             burner.join()
 
 
-@pytest.mark.parametrize(
-    "node",
-    ["vehicle_0/leader", "vehicle_6/vehicle", "vehicle_6/noise_relay", "vehicle_12/vehicle"],
-)
-def test_a_frozen_node_is_waited_for(platoon: Start, expected: str, node: str) -> None:
+def test_frozen_nodes_are_waited_for(platoon: Start, expected: str) -> None:
     run = platoon(*SHORT, "run.real_time_factor=8", hosts="per_node")
-    run.wait_sample(300)
-    run.freeze(node, seconds=1.0)
+    nodes = ("vehicle_0/leader", "vehicle_6/vehicle", "vehicle_6/noise_relay", "vehicle_12/vehicle")
+    for sample, node in zip((300, 500, 700, 900), nodes, strict=True):
+        run.wait_sample(sample)
+        run.freeze(node, seconds=1.0)
     result = run.result()
     assert (result.status, result.digest) == ("finished", expected), result.message
 
