@@ -23,9 +23,10 @@ class LinkReception(NamedTuple):
     sender, follower : int
         Index of the sender, and of the receiver.
     sent, arrived : int
-        Packets sent, and those that arrived by the end of the run.
+        Packets of samples that are known to have been sent, and those of them that arrived by the
+        end of the run; over a link that neither loses nor delays, as far as it is recorded.
     loss : float
-        Share that did not arrive.
+        Share that did not arrive; NaN when none is known to have been sent.
     loss_probability : float
         What the scenario says.
     age_median, age_p99, age_max : float
@@ -74,21 +75,23 @@ def information_age(arrivals: Arrivals, samples: int) -> Array:
 
 def _link(run: Trajectory, receiver: Follower, column: int) -> LinkReception:
     samples = len(run.received)
-    if run.arrivals is None:
-        there = np.isfinite(run.received[:, column])
-        sample = np.flatnonzero(there)
+    sent = np.isfinite(run.sent[:, column])
+    if run.arrivals is None or not receiver.counted:
+        sent &= np.isfinite(run.received[:, column])
+        sample = np.flatnonzero(sent)
         arrivals = Arrivals(sample, sample, run.received[sample, column])
     else:
         arrivals = run.arrivals[column]
     age = information_age(arrivals, samples) * run.scenario.run.step
-    known = age[np.isfinite(age)]
-    median, p99, largest = np.quantile(known, (0.5, 0.99, 1.0)) if known.size else [math.nan] * 3
-    arrived = len(arrivals.source)
+    age = age[np.isfinite(age)]
+    median, p99, largest = np.quantile(age, (0.5, 0.99, 1.0)) if age.size else [math.nan] * 3
+    arrived = int(sent[np.unique(arrivals.source)].sum())
+    known = int(sent.sum())
     return LinkReception(
         *receiver.link,
-        samples,
+        known,
         arrived,
-        1.0 - arrived / samples if samples else math.nan,
+        1.0 - arrived / known if known else math.nan,
         receiver.v2v.loss,
         float(median),
         float(p99),

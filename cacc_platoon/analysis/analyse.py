@@ -11,6 +11,7 @@ from cacc_platoon.analysis.consistency import Consistency, check_consistency
 from cacc_platoon.analysis.metrics import Metrics, compute_metrics
 from cacc_platoon.analysis.verdict import Verdict, judge
 from cacc_platoon.bags.raw import Progress
+from cacc_platoon.errors import UserError
 from cacc_platoon.runs.locate import locate
 from cacc_platoon.runs.recorded_run import RecordedRun, read_run
 from cacc_platoon.scenario import Scenario
@@ -33,7 +34,8 @@ class Report:
     measured : Metrics
         Of the recorded run.
     expectation : Trajectory
-        The mean system of the scenario: the mean of all its noisy, lossy runs.
+        The mean system of the scenario: the mean of all its noisy, lossy runs, without the
+        custom code that it may name.
     expected : Metrics
         Of the expectation run.
     consistency : Consistency
@@ -52,6 +54,12 @@ class Report:
     consistency: Consistency
     verdict: Verdict
     ensemble: Ensemble | None = None
+
+    @property
+    def left_out(self) -> str:
+        """Custom code that the expectation run lacks, for a sentence; empty when there is none."""
+        named = self.run.trajectory.scenario.custom_code
+        return f" without {' and '.join(named)}" if named else ""
 
 
 def analyse(
@@ -106,10 +114,27 @@ def analyse(
     )
 
 
+def refuse_ensemble(scenario: Scenario, runs: int | None) -> None:
+    """Refuse noisy runs of a scenario that names custom code, which a report never runs.
+
+    Raises
+    ------
+    UserError
+        When such runs are asked for.
+    """
+    if runs and scenario.custom_code:
+        raise UserError(
+            f"--runs {runs}: {', '.join(scenario.custom_code)} is custom code, which a report "
+            "never runs, and the runs would be those of another platoon. Leave --runs out and "
+            "simulate with several values of run.seed."
+        )
+
+
 def _ensemble(scenario: Scenario, runs: int | None, progress: Progress | None) -> Ensemble | None:
     """Simulate noisy runs; `runs` as in `analyse`. Code that a scenario names is not run."""
     followers = scenario.followers
-    if any(follower.v2v.channel or follower.law_name for follower in followers):
+    refuse_ensemble(scenario, runs)
+    if scenario.custom_code:
         return None
     if not any(follower.v2v.noise == "bits" or follower.v2v.loss for follower in followers):
         return None

@@ -234,7 +234,7 @@ def judge(
             seen[key] = _judge_follower(follower, scenario.run.step)
         verdicts.append(_realised(seen[key], follower, mean))
     stable = all(verdict.string_stable for verdict in verdicts)
-    equal = len(seen) == 1 and len({(f.tau, f.v2v) for f in scenario.followers}) == 1
+    equal = len(seen) == 1 and len({(f.tau, f.v2v, f.law_name) for f in scenario.followers}) == 1
     return Verdict(
         stable,
         all(verdict.in_paper_region for verdict in verdicts),

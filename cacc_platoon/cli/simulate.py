@@ -37,6 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Simulate, record, judge."""
+    from cacc_platoon.analysis.analyse import refuse_ensemble  # noqa: PLC0415  (heavy)
     from cacc_platoon.report import report_run  # noqa: PLC0415
     from cacc_platoon.runs.recorded_leader import with_recorded_leader  # noqa: PLC0415  (heavy)
 
@@ -46,6 +47,7 @@ def run(options: argparse.Namespace) -> int:
             "Leave it out for the run of the scenario's seed alone."
         )
     scenario = with_recorded_leader(load_scenario(options.scenario, options.set))
+    refuse_ensemble(scenario, options.runs)
     scenario.check_own_code()
     directory = scenario.record.directory
     given = options.output or (Path(directory) if directory else None)

@@ -43,8 +43,8 @@ def _error_pictures(report: Report) -> Iterator[Picture]:
     yield Picture(
         "spacing_errors_expected",
         "Spacing errors, expectation run",
-        "The mean system of the scenario, w = E[w] and losses in the mean on every link: the mean "
-        "of all its random runs.",
+        f"The mean system of the scenario{report.left_out}, w = E[w] and losses in the mean on "
+        "every link: the mean of all its random runs.",
         lambda axes: motion.plot_spacing_errors(axes, expectation),
     )
     if ensemble is not None:

@@ -35,6 +35,7 @@ def metrics_document(report: Report) -> dict[str, Any]:
             **_metrics(report.measured),
             "noise": _noise(report.measured.noise),
             "expected": _metrics(report.expected),
+            "expected_without": report.run.trajectory.scenario.custom_code,
             "ensemble": _ensemble(report),
             "verdict": verdict_document(report.verdict),
             "consistency": {

@@ -104,7 +104,8 @@ def _fact_lines(report: Report, facts: dict[str, Any]) -> list[str]:
         else "no collision"
     )
     return [
-        f"  errors, expectation run: {describe_growth(peaks)}, {peaks[0]:.6f} -> {peaks[-1]:.6f} m",
+        f"  errors, expectation run{report.left_out}: {describe_growth(peaks)}, "
+        f"{peaks[0]:.6f} -> {peaks[-1]:.6f} m",
         f"  errors, this run:        {describe_growth(own)}, {own[0]:.6f} -> {own[-1]:.6f} m"
         " (one run proves nothing)",
         f"  platoon length: {_number(length['initial'], 'm')} at first, "

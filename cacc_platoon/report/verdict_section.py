@@ -58,8 +58,9 @@ def _meaning(report: Report) -> str:
     weakest = verdict.weakest
     peaks = report.expected.max_abs_spacing_error
     course = (
-        f"In the expectation run the largest spacing error is {describe_growth(peaks)} along the "
-        f"platoon, {peaks[0]:.6f} m at the first follower and {peaks[-1]:.6f} m at the last."
+        f"In the expectation run{report.left_out} the largest spacing error is "
+        f"{describe_growth(peaks)} along the platoon, {peaks[0]:.6f} m at the first follower and "
+        f"{peaks[-1]:.6f} m at the last."
     )
     if verdict.another_law:
         return (
@@ -135,12 +136,14 @@ def _data_rows(report: Report, metrics: dict[str, Any]) -> Iterator[tuple[str, s
         "broken" if any(link.breaches for link in links) else kept,
         "1 - 1/rho <= w <= 1 + 1/rho at every sample of every link, checked in the data",
     )
-    largest = report.consistency.largest
+    largest, steps = report.consistency.largest, report.consistency.steps
     obeyed = "to the last bit" if largest == 0.0 else f"within {largest:.2g}"
+    custom = "; those with a custom law are left out" if verdict.another_law else ""
     yield (
         "Followers obey their equations",
-        "no" if report.consistency.departures else obeyed,
-        "every recorded state against one step of plant and control law from the sample before",
+        "no" if report.consistency.departures else obeyed if steps else "unknown",
+        "every recorded state against one step of plant and control law from the sample "
+        f"before{custom}",
     )
     if ensemble := metrics["ensemble"]:
         yield "Mean of noisy runs", *_agreement(ensemble)

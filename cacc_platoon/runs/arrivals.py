@@ -7,13 +7,14 @@ from collections.abc import Mapping
 import numpy as np
 
 from cacc_platoon.bags.decode import Floats, Signal, rows_in_order_of_recording
+from cacc_platoon.bags.raw import Integers
 from cacc_platoon.bags.read import RawBag
 from cacc_platoon.bags.rows import TopicRows
 from cacc_platoon.model import Link
 from cacc_platoon.runs.recording import with_deliveries
 from cacc_platoon.runs.sample_grid import Fault, Grid
 from cacc_platoon.simulation import Arrivals
-from msg_adapters.topics import Graph, LinkTopics, Role
+from msg_adapters.topics import Graph, LinkTopics, Role, Topic
 
 _NO_SIGNAL = Signal("", np.empty(0, np.int64), np.empty(0), 0)
 _AT_ONCE = "packets count as delivered when they were sent"
@@ -43,33 +44,44 @@ def read_arrivals(
     found: dict[Link, Arrivals] = {}
     for link, topics in graph.counted_links.items():
         signal = signals.get(Role("received", link.receiver, link.sender), _NO_SIGNAL)
-        stamps, values, delivered = signal.stamps, signal.values, signal.stamps
-        received, counts = rows.get(topics.accel.name), rows.get(topics.complete.name)
-        published = _published(counts, topics)
-        if received is not None and received.delivered is not None:
-            stamps = topics.accel.codec.stamps(received.messages)
-            values = topics.accel.codec.values(received.messages)
-            delivered = received.delivered
-            if len(stamps) < published:
-                what = f"lacks {published - len(stamps)} of {published} packets that were delivered"
-                faults.append(Fault(topics.accel.name, what))
-        elif counts is None:
-            faults.append(Fault(topics.complete.name, f"is not in the bag: {_AT_ONCE}"))
-        elif published:
-            what = f"does not fit the messages that it counts: {_AT_ONCE}"
-            faults.append(Fault(topics.complete.name, what))
-        source, sample = ((at - grid.origin) // grid.step for at in (stamps, delivered))
-        known = (source >= 0) & (sample < grid.samples) & np.isfinite(values)
-        found[link] = Arrivals(source[known], sample[known], values[known])
+        delivered = _delivered(signal, rows, topics, grid, faults)
+        source, sample = ((at - grid.origin) // grid.step for at in (signal.stamps, delivered))
+        known = (source >= 0) & (sample < grid.samples) & np.isfinite(signal.values)
+        found[link] = Arrivals(source[known], sample[known], signal.values[known])
     return found
 
 
-def _published(counts: TopicRows | None, topics: LinkTopics) -> int:
-    """Return how many messages a relay had published at the end, 0 where that is unknown."""
-    if counts is None or not len(counts.messages):
-        return 0
+def _delivered(
+    signal: Signal,
+    rows: Mapping[str, TopicRows],
+    topics: LinkTopics,
+    grid: Grid,
+    faults: list[Fault],
+) -> Integers:
+    """Return the stamps at which the messages of a link were delivered, and name what is wrong."""
+    counts, received = rows.get(topics.complete.name), rows.get(topics.accel.name)
+
+    def fault(topic: Topic, what: str) -> None:
+        faults.append(Fault(topic.name, what))
+
+    if counts is None:
+        fault(topics.complete, f"is not in the bag: {_AT_ONCE}")
+        return signal.stamps
+    stamps = topics.complete.codec.stamps(counts.messages)
     last = topics.complete.codec.values(counts.messages)[-1]
-    return int(last) if np.isfinite(last) else 0
+    if received is None and not len(signal.stamps) and last == 0:
+        return signal.stamps  # everything was lost
+    known = None if received is None else received.delivered
+    if known is None or (signal.stamps[len(known) :] <= stamps[-1]).any():
+        fault(topics.complete, f"does not fit the messages that it counts: {_AT_ONCE}")
+        return signal.stamps
+    if len(known) < last:
+        what = f"lacks {last - len(known):.0f} of {last:.0f} packets that were delivered"
+        fault(topics.accel, what)
+    end = (int(stamps[-1]) - grid.origin) // grid.step
+    if end < grid.samples - 1:
+        fault(topics.complete, f"ends at {grid.say(end)}: from there on {_AT_ONCE}")
+    return np.concatenate((known, signal.stamps[len(known) :]))
 
 
 def prompt_arrivals(received: Floats) -> Arrivals:

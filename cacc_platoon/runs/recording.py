@@ -6,8 +6,11 @@ import numpy as np
 import numpy.typing as npt
 
 from cacc_platoon.bags.rows import Recording, TopicRows
-from cacc_platoon.simulation import Trajectory
+from cacc_platoon.simulation import Arrivals, Trajectory
 from msg_adapters.topics import Graph, LinkTopics, Topic
+
+MOST = 2.0**53
+"""Beyond, a float counts no messages."""
 
 
 def recording_of(trajectory: Trajectory) -> dict[str, TopicRows]:
@@ -20,20 +23,24 @@ def recording_of(trajectory: Trajectory) -> dict[str, TopicRows]:
         messages = topic.codec.encode_many(stamps, values)
         records[topic.name] = TopicRows(topic.kind.type_name, messages)
 
+    def add_arrivals(topic: Topic, arrivals: Arrivals) -> None:
+        source, sample, value = arrivals
+        messages = topic.codec.encode_many(source * scenario.step_ns, value)
+        delivered = sample * scenario.step_ns
+        records[topic.name] = TopicRows(topic.kind.type_name, messages, delivered)
+
     graph = Graph.of(scenario)
     for column, vehicle in enumerate(graph.vehicles.values()):
         add(vehicle.pose, trajectory.position[:, column])
         add(vehicle.twist, trajectory.velocity[:, column])
         add(vehicle.accel, trajectory.acceleration[:, column])
     for number, (link, topics) in enumerate(graph.links.items()):
+        sample = np.arange(len(stamps))
         if trajectory.arrivals is None:
             add(topics.accel, trajectory.received[:, number])
-            continue
-        source, sample, value = trajectory.arrivals[number]
-        messages = topics.accel.codec.encode_many(source * scenario.step_ns, value)
-        records[topics.accel.name] = TopicRows(
-            topics.accel.kind.type_name, messages, sample * scenario.step_ns
-        )
+        else:
+            add_arrivals(topics.accel, trajectory.arrivals[number])
+            sample = trajectory.arrivals[number].sample
         if link in graph.counted_links:
             add(topics.complete, np.searchsorted(sample, np.arange(len(stamps)), "right"))
     return records
@@ -81,9 +88,15 @@ def _delivered(
     steps = np.diff(stamps)
     if stamps[0] != 0 or (steps != steps[:1]).any():
         return None
-    if not np.isfinite(published).all() or (np.diff(published, prepend=0.0) < 0).any():
+    if not _are_counts(published):
         return None
     known = int(min(len(received.messages), published[-1]))
     delivered = stamps[np.searchsorted(published, np.arange(1, known + 1))]
     sent = topics.accel.codec.stamps(received.messages[:known])
     return None if (delivered < sent).any() else delivered
+
+
+def _are_counts(published: npt.NDArray[np.float64]) -> bool:
+    """Whether these are whole numbers >= 0 that never decrease."""
+    whole = np.isfinite(published) & (np.floor(published) == published) & (published < MOST)
+    return bool(whole.all() and (np.diff(published, prepend=0.0) >= 0).all())

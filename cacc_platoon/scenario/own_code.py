@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 import math
+from itertools import chain
 
 from cacc_platoon.errors import UserError
-from cacc_platoon.model.impairment import ChannelError, checked_delivery
+from cacc_platoon.model.impairment import ChannelError, checked_delivery, packets_by_sample
 from cacc_platoon.scenario.follower import Follower
 from cacc_platoon.scenario.names import vehicle_name
 from cacc_platoon.scenario.parameter import ScenarioError
 
 
 def try_channel(receiver: Follower, samples: int) -> None:
-    """Make the channel of a link, and ask it for the whole run."""
+    """Make the channel of a link, and ask it for the whole run, at once and block by block."""
     try:
-        checked_delivery(receiver.channel(), 0, samples)
+        whole = checked_delivery(receiver.channel(), 0, samples)
+        packets = chain.from_iterable(packets_by_sample(receiver.channel(), samples))
+        if list(packets) != list(zip(whole.source, whole.factor, strict=True)):
+            raise ChannelError(
+                "what it delivers depends on how many samples it is asked for at a time, so that "
+                "no two runs would agree"
+            )
     except ChannelError as error:
         raise ChannelError(
             f"v2v.channel = {receiver.v2v.channel}: the channel from "

@@ -219,6 +219,12 @@ class Scenario:
         """All followers, from front to rear."""
         return [self.follower(index) for index in self.indices]
 
+    @property
+    def custom_code(self) -> list[str]:
+        """What channels and laws the scenario names, as `parameter = module:Class`."""
+        named = {pair for follower in self.followers for pair in follower.own_code.items()}
+        return sorted(f"{name} = {text}" for name, text in named)
+
     def check_own_code(self) -> None:
         """Make and try every custom channel and law once, before anything starts.
 

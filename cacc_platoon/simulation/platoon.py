@@ -195,8 +195,13 @@ def _command(scenario: Scenario, law: LawFactory | None) -> Callable[..., Array]
 def _column(law: ControlLaw, index: int, inputs: Sequence[Array]) -> Array:
     """Return the commands of one follower in all runs; its law may be anybody's."""
     try:
-        command = law.command(*inputs)  # type: ignore[arg-type]
-        return np.broadcast_to(np.asarray(command, np.float64), inputs[0].shape)
+        command = np.asarray(law.command(*inputs))  # type: ignore[arg-type]
+        if command.dtype.kind not in "iuf":
+            raise TypeError(f"returned {command.dtype}, not numbers")
+        wrong = ~np.isfinite(command)
+        if wrong.any() and all(np.isfinite(part).all() for part in inputs):
+            raise ValueError(f"returned {command[wrong].flat[0]}")
+        return np.broadcast_to(command.astype(np.float64), inputs[0].shape)
     except (Exception, SystemExit) as error:
         raise UserError(
             f"the control law of vehicle {index} raised {type(error).__name__}: "

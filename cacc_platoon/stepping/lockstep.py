@@ -239,7 +239,7 @@ class LockstepRelay:
             scenario.step_ns,
         )
         self._deliveries = packets_by_sample(channel, scenario.samples)
-        self._sent: deque[float] = deque(maxlen=longest_delay + 1)
+        self._sent: deque[float] = deque(maxlen=min(longest_delay, scenario.samples) + 1)
         self._sample = self._count = 0
         self._publish, self._publish_count = publish, publish_count
 

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from cacc_platoon.analysis import analyse
+from cacc_platoon.analysis import analyse, check_consistency
+from cacc_platoon.analysis.age import link_reception
 from cacc_platoon.bags.rows import TopicRows
 from cacc_platoon.runs.recorded_run import read_run
 from cacc_platoon.simulation import simulate
@@ -90,6 +91,60 @@ def test_missing_packets_are_no_lost_packets(bags, tmp_path, lossy):
     assert any(RECEIVED in line for line in findings)
     nothing = bags.scenario(ALL_LOST)
     assert read_run(bags.bag(tmp_path / "all", nothing, bags.record(nothing))).findings == ()
+
+
+def test_counts_that_end_early(bags, tmp_path, lossy):
+    whole = bags.record(lossy)
+    early = changed(whole, complete=np.arange(150))
+    run = read_run(bags.bag(tmp_path / "bag", lossy, early))
+    assert f"{COUNTS}: ends at sample 149 (1.49 s): from there on {AT_ONCE}" in run.findings
+    found, sent = arrivals(run.trajectory)[1], arrivals(simulate(lossy))[1]
+    for name in ("source", "sample", "value"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(sent, name))
+    assert check_consistency(run.trajectory).largest == 0.0
+
+
+@pytest.mark.parametrize(
+    "change",
+    [lambda x: 0 * x, lambda x: x // 2, lambda x: x + 0.5, lambda x: x + 7, lambda x: x * 1e300],
+)
+def test_counts_of_another_recording(bags, tmp_path, lossy, change):
+    wrong = bags.rewritten(bags.record(lossy), SECOND.complete, change)
+    run = read_run(bags.bag(tmp_path / "bag", lossy, wrong))
+    assert f"{COUNTS}: does not fit the messages that it counts: {AT_ONCE}" in run.findings
+    assert max(len(line) for line in run.findings) < 200
+
+
+def test_packets_that_were_recorded_twice(bags, tmp_path, lossy):
+    whole = bags.record(lossy)
+    twice = changed(whole, accel=np.repeat(np.arange(len(whole[RECEIVED].messages)), 2))
+    run = read_run(bags.bag(tmp_path / "bag", lossy, twice))
+    assert f"{COUNTS}: does not fit the messages that it counts: {AT_ONCE}" in run.findings
+    assert (run.trajectory.received[:, 1] == simulate(lossy).received[:, 1]).all()
+    link = link_reception(run.trajectory)[1]
+    assert link.arrived == len(arrivals(simulate(lossy))[1].source)
+
+
+@pytest.mark.parametrize("loss", [0.0, 0.3])
+def test_what_was_not_recorded_was_not_lost(bags, tmp_path, loss):
+    """A bag that begins late, or in which v2v/accel ends early, says nothing of the channel."""
+    scenario = bags.scenario({"v2v.loss": loss})
+    whole, late = bags.record(scenario), {}
+    for name, (kind, messages, delivered) in whole.items():
+        at = np.arange(len(messages)) if delivered is None else delivered // scenario.step_ns
+        part = None if delivered is None else delivered[at >= 100]
+        late[name] = TopicRows(kind, messages[at >= 100], part)
+    report = analyse(bags.bag(tmp_path / "late", scenario, late), runs=0)
+    assert report.verdict.void == ()
+    for link, sent in zip(
+        report.measured.reception, link_reception(simulate(scenario)), strict=True
+    ):
+        assert (link.sent, sent.sent) == (201, 301)
+        assert link.loss == pytest.approx(loss, abs=0.1)
+    if not loss:
+        short = changed(whole, accel=np.arange(200))
+        report = analyse(bags.bag(tmp_path / "short", scenario, short), runs=0)
+        assert (report.verdict.void, report.measured.reception[1].loss) == ((), 0.0)
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -1.0, 1e300])

@@ -1,13 +1,22 @@
 """Channels and laws by name: what cannot be used is refused in one line, before anything starts."""
 
+import re
 import sys
 
 import pytest
 
+from cacc_platoon.analysis import analyse
 from cacc_platoon.cli import main
+from cacc_platoon.cli.simulate import simulate_run
+from cacc_platoon.errors import UserError
+from cacc_platoon.report import metrics_document, summary
 from cacc_platoon.scenario import Scenario, ScenarioError
+from cacc_platoon.simulation import simulate
+from cacc_platoon.stepping.lockstep import LockstepRelay
+from cacc_platoon.sweep import evaluate
 
 CODE = """
+import numpy as np
 from cacc_platoon.model import ComposedChannel
 
 def raising(follower):
@@ -54,6 +63,31 @@ class Halves(Liar):
         good = ComposedChannel([]).delivery(start, stop)
         return good._replace(sample=good.sample + 0.5)
 
+class Keyed(Liar):
+    prompt = False
+
+    def delivery(self, start, stop):
+        good = ComposedChannel([]).delivery(start, stop)
+        kept = np.random.default_rng(start).random(stop - start) > 0.3
+        return type(good)(*(part[kept] for part in good))
+
+class Far(Liar):
+    prompt = False
+    longest_delay = 10**30
+
+    def delivery(self, start, stop):
+        return ComposedChannel([]).delivery(start, stop)
+
+class Twice(Far):
+    longest_delay = 0
+
+    def delivery(self, start, stop):
+        good = ComposedChannel([]).delivery(start, stop)
+        return type(good)(*(np.repeat(part, 2) for part in good))
+
+class Prompt(Far):
+    prompt = True
+
 class Pair(Liar):
     def delivery(self, start, stop):
         return tuple(ComposedChannel([]).delivery(start, stop))[:2]
@@ -78,6 +112,13 @@ class Shy(Liar):
 class Text(Liar):
     def command(self, *inputs):
         return "1.0"
+
+class Half:
+    def __init__(self, follower):
+        self._law = follower.spacing_policy()
+
+    def command(self, x, v, x_ahead, v_ahead, received):
+        return 0.5 * self._law.command(x, v, x_ahead, v_ahead, received)
 
 class Nobody(Liar):
     def command(self, *inputs):
@@ -163,6 +204,67 @@ def test_a_channel_that_does_not_keep_its_promise_is_named(verb, name, words, tm
     assert words in error
     assert len(error.splitlines()) == 1
     assert not (tmp_path / "out").exists()
+
+
+def test_a_channel_that_depends_on_how_it_is_asked_is_named():
+    long = {"run.duration": 100.0, "platoon.followers": 1, "v2v.channel": "my_code:Keyed"}
+    with pytest.raises(UserError, match="depends on how many samples it is asked for at a time"):
+        Scenario.from_values(long).check_own_code()
+
+
+@pytest.mark.parametrize("name", ["Far", "Twice", "Prompt"])
+def test_channels_that_keep_their_promise_are_run_recorded_and_reported(name, tmp_path):
+    """However far they look back, whether they lose nothing at all or deliver twice."""
+    scenario = Scenario.from_values(
+        {"run.duration": 1.0, "platoon.followers": 2, "v2v.channel": f"my_code:{name}"}
+    )
+    scenario.check_own_code()
+    run, got = simulate(scenario), []
+    folder = simulate_run(scenario, tmp_path / "out")
+    relay = LockstepRelay(scenario.follower(1), scenario, lambda *packet: got.append(packet))
+    for k, sent in enumerate(run.acceleration[:, 0]):
+        relay.take(k * scenario.step_ns, sent)
+    assert len(got) == scenario.samples * (2 if name == "Twice" else 1)
+    report = analyse(folder.path)
+    assert report.run.findings == ()
+    assert [link.loss for link in report.measured.reception] == [0.0, 0.0]
+
+
+def test_noisy_runs_of_custom_code_are_refused_before_anything_starts(tmp_path, capsys):
+    text = "/**:\n  ros__parameters: {v2v: {channel: 'my_code:perfect'}}\n"
+    (tmp_path / "s.yaml").write_text(text)
+    assert main(["simulate", "s.yaml", "-o", "out", "--runs", "5"]) == 2
+    assert "--runs 5: v2v.channel = my_code:perfect is custom code" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("result", "words"),
+    [("None", "TypeError: returned object"), ("float('nan')", "ValueError: returned nan")],
+)
+def test_a_law_without_a_command_gives_no_row(result, words, tmp_path):
+    (tmp_path / "no_law.py").write_text(
+        f"class Law:\n    def __init__(self, follower): pass\n"
+        f"    def command(self, *inputs): return {result}\n"
+    )
+    try:
+        with pytest.raises(UserError, match=f"law of vehicle 1 raised {re.escape(words)}"):
+            evaluate(Scenario.from_values({"run.duration": 1.0, "controller.law": "no_law:Law"}))
+    finally:
+        sys.modules.pop("no_law", None)
+
+
+def test_the_expectation_run_is_said_to_lack_custom_code(tmp_path):
+    scenario = Scenario.from_values({"run.duration": 1.0, "platoon.followers": 2}).with_values(
+        {"vehicle_2.controller.law": "my_code:Half"}
+    )
+    report = analyse(simulate_run(scenario, tmp_path / "out").path)
+    named = "controller.law = my_code:Half"
+    document = metrics_document(report)
+    assert document["expected_without"] == [named]
+    assert f"expectation run without {named}" in summary(report, document)
+    assert not report.verdict.equal_links
+    assert not any("departs" in reason for reason in report.verdict.void)
 
 
 @pytest.mark.parametrize(

@@ -16,9 +16,11 @@ class Shared:
         self._law = follower.spacing_policy()
 
     def command(self, *inputs):
-        *motion, nearest = inputs[:5]
-        further = inputs[5:]
-        return self._law.command(*motion, (nearest + sum(further)) / (1 + len(further)))
+        x, v, x_ahead, v_ahead, *received = inputs
+        total = received[0]
+        for value in received[1:]:
+            total = total + value
+        return self._law.command(x, v, x_ahead, v_ahead, total / len(received))
 
 class Nearest(Shared):
     def command(self, x, v, x_ahead, v_ahead, received):
@@ -40,11 +42,20 @@ def test_links_are_those_of_the_topology():
     assert topology.columns == [slice(0, 1), slice(1, 3), slice(3, 5), slice(5, 7)]
 
 
-@pytest.mark.parametrize("loss", [0.0, 0.4])
-@pytest.mark.parametrize("reception", ["hold", "zero"])
-def test_a_run_equals_a_scalar_loop(loss, reception):
+@pytest.mark.parametrize(
+    ("predecessors", "loss", "reception"),
+    [(2, 0.0, "hold"), (2, 0.4, "hold"), (2, 0.4, "zero"), (3, 0.4, "hold")],
+)
+def test_a_run_equals_a_scalar_loop(predecessors, loss, reception):
     """Every link noise and loss of its own, keyed by itself; vehicle by vehicle, step by step."""
-    scenario = Scenario.from_values({**TWO, "v2v.loss": loss, "v2v.reception": reception})
+    scenario = Scenario.from_values(
+        {
+            **TWO,
+            "platoon.predecessors": predecessors,
+            "v2v.loss": loss,
+            "v2v.reception": reception,
+        }
+    )
     run = simulate(scenario)
     for follower in scenario.followers:
         i, law, plant = follower.index, follower.law(), follower.plant(scenario.run.step)

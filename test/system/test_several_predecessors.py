@@ -32,9 +32,13 @@ def own_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(HERE))
 
 
-@pytest.mark.parametrize(("loss", "hosts"), [(0.0, 2), (0.3, 1), (0.3, "per_node")])
-def test_one_digest_for_nodes_and_simulation(platoon: Start, loss: float, hosts: int | str) -> None:
-    settings = (*TWO, f"v2v.loss={loss}")
+@pytest.mark.parametrize(
+    ("predecessors", "loss", "hosts"), [(2, 0.0, 2), (3, 0.3, 1), (2, 0.3, "per_node")]
+)
+def test_one_digest_for_nodes_and_simulation(
+    platoon: Start, predecessors: int, loss: float, hosts: int | str
+) -> None:
+    settings = (*TWO, f"platoon.predecessors={predecessors}", f"v2v.loss={loss}")
     run = platoon(*settings, hosts=hosts, environment={"PYTHONPATH": str(HERE)})
     result = run.result()
     assert result.exit_code == 0, result.errors
