@@ -174,7 +174,8 @@ def check_topology(
             raise TABLE["platoon.predecessors"].refusal(
                 predecessors,
                 source,
-                f"needs a controller.law that uses them, {vehicle_name(follower.index)} has none",
+                "needs a controller.law that uses them all, "
+                f"{vehicle_name(follower.index)} has none",
             )
 
 

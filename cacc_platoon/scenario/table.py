@@ -32,7 +32,7 @@ class Platoon:
     predecessors: int = parameter(
         1,
         "-",
-        "how many vehicles ahead a follower receives from; more than one needs a controller.law",
+        "the number of vehicles ahead that a follower receives from",
         at_least=1,
         at_most=500,
     )

@@ -116,7 +116,7 @@ def test_the_mean_system_has_every_link():
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        ({"controller.law": ""}, "needs a controller.law that uses them, vehicle_1 has none"),
+        ({"controller.law": ""}, "needs a controller.law that uses them all, vehicle_1 has none"),
         (
             {"leader.profile": "bag", "leader.file": "run"},
             "what the vehicles before the leader sent is not in the run",
