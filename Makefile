@@ -66,7 +66,8 @@ $(OLDEST_STAMP): setup.py pyproject.toml test/oldest.txt
 
 coverage: setup ## run every test and print how much of the code ran, in subprocesses too
 	$(BIN)/coverage erase
-	$(BIN)/coverage run -m pytest
+	$(BIN)/coverage run -m pytest -m "unit or report" -n auto
+	$(BIN)/coverage run -m pytest -m "ros or system"
 	$(BIN)/coverage combine --quiet
 	$(BIN)/coverage report
 
