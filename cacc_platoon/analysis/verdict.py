@@ -297,15 +297,15 @@ def _sampled_too_slowly(verdicts: list[FollowerVerdict]) -> list[str]:
         return []
     longest, worst, certificate = min(lost, key=lambda one: one[:2])
     held = " with the last packet held" if certificate.held < 1.0 else ""
-    loop = f"the loop of vehicle {worst}, sampled every {certificate.period:g} s{held}"
-    count = f"({len(lost)} vehicles in all)"
+    alone, count = (" alone", "") if len(lost) == 1 else ("", f" ({len(lost)} vehicles in all)")
+    loop = f"the loop of vehicle {worst}{alone}, sampled every {certificate.period:g} s{held}"
     if not longest:
         return [
-            f"{loop}, is not string stable, nor is it at any other run.step {count}: raise "
+            f"{loop}, is not string stable, nor is it at any other run.step{count}: raise "
             "time_headway and lower run.step"
         ]
     return [
-        f"{loop}, is not string stable; it is below {rounded_down(longest)} s {count}: "
+        f"{loop}, is not string stable; it is below {rounded_down(longest)} s{count}: "
         "lower run.step"
     ]
 

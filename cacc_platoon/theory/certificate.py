@@ -220,6 +220,7 @@ class Certificate:
             self.period,
             reception=self.reception,
             k_effective=self.k_effective,
+            lost_at=1.0 if self.sampled_string_stable else 1.0 - self.held,
         )
 
     @cached_property
@@ -236,6 +237,7 @@ class Certificate:
             held=self.held,
             reception=self.reception,
             k_effective=self.k_effective,
+            lost_at=self.period if self.held < 1.0 and not self.sampled_string_stable else math.inf,
         )
 
     @cached_property

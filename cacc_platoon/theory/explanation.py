@@ -269,8 +269,9 @@ def _failure_of_headway(certificate: Certificate) -> Failure | None:
         return None
     paper = headway_bound(k_a, rho, tau_max, reception=share)
     loss = "" if share == 1.0 else f"{share:g} "
+    rule = f"2 tau_0/(1 + {loss}(1 - 1/rho) k_a)" if share else "2 tau_0, the least without V2V"
     return Failure(
-        f"time_headway = {h:g} s is below {shortest:.6g} s = 2 tau_0/(1 + {loss}(1 - 1/rho) k_a)",
+        f"time_headway = {h:g} s is below {shortest:.6g} s = {rule}",
         "spacing errors grow along the platoon whatever k_v and k_p are",
         f"Raise time_headway, above {paper:.6g} s for the paper's gains, or lower tau_max",
     )

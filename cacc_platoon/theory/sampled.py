@@ -36,6 +36,7 @@ __all__ = [
     "SampledHop",
     "is_sampled_string_stable",
     "lags_to_try",
+    "margins_at",
     "require_held",
     "sampled_hop",
     "sampled_stability_map",
@@ -207,7 +208,6 @@ def _in_unit_disc(loop: tuple[Float, ...], period: Float) -> NDArray[np.bool_]:
     return np.asarray(stable, dtype=np.bool_)
 
 
-@np.errstate(all="ignore")  # what overflows counts as not stable
 def sampled_stability_map(
     time_headway: ArrayLike,
     k_v: ArrayLike,
@@ -234,6 +234,12 @@ def sampled_stability_map(
     hop = sampled_hop(
         time_headway, k_v, k_p, tau, k_effective, period=period, stale=stale, held=held
     )
+    return np.asarray(_margin(hop, period) >= -TOLERANCE, dtype=np.bool_)
+
+
+@np.errstate(all="ignore")  # what overflows counts as not stable
+def _margin(hop: SampledHop, period: ArrayLike) -> Float:
+    """Find the least ``q`` over the size of its terms on ``(0, 4/T^2]``; -inf for unstable loops."""
     T = np.broadcast_to(np.asarray(period, dtype=float), hop.loop[0].shape)
     q, size = _propagation_polynomial(hop, T)
     scale = np.multiply.accumulate(np.broadcast_to(4.0 / T**2, q.shape)[1:], axis=0)
@@ -242,15 +248,14 @@ def sampled_stability_map(
     q3 = q[3] if len(q) > 3 else np.zeros_like(T)
     root = np.sqrt(np.maximum(q[2] ** 2 - 3.0 * q3 * q[1], 0.0))
     pivot = -(q[2] + np.where(q[2] >= 0, root, -root))
-    turning = (pivot / (3.0 * q3), q[1] / pivot)
-    good = _in_unit_disc(hop.loop, T) & np.isfinite(size).all(axis=0)
-    for x in (np.zeros_like(T), np.ones_like(T), *turning):
-        y = np.clip(np.nan_to_num(x), 0.0, 1.0)
-        value, bound = np.zeros_like(T), np.zeros_like(T)
-        for c, s in zip(q[::-1], size[::-1], strict=True):
-            value, bound = value * y + c, bound * y + s
-        good &= value >= -TOLERANCE * bound
-    return good
+    places = np.stack((np.zeros_like(T), np.ones_like(T), pivot / (3.0 * q3), q[1] / pivot))
+    y = np.clip(np.nan_to_num(places), 0.0, 1.0)
+    value, bound = np.zeros_like(y), np.zeros_like(y)
+    for c, s in zip(q[::-1], size[::-1], strict=True):
+        value, bound = value * y + c, bound * y + s
+    margins = np.divide(value, bound, out=np.zeros_like(y), where=bound != 0)
+    stable = _in_unit_disc(hop.loop, T) & np.isfinite(size).all(axis=0)
+    return np.where(stable, margins.min(axis=0), -np.inf)
 
 
 def stable_at(
@@ -263,18 +268,34 @@ def stable_at(
     held: Float | float,
 ) -> NDArray[np.bool_]:
     """Say for each period, or each share `held`, whether all lags and ends of I are stable."""
+    margins = margins_at(gains, ends, lags, periods, stale=stale, held=held)
+    return np.asarray((margins >= -TOLERANCE).all(axis=1), dtype=np.bool_)
+
+
+def margins_at(
+    gains: Gains,
+    ends: tuple[float, ...],
+    lags: Float,
+    periods: Float,
+    *,
+    stale: bool,
+    held: Float | float,
+) -> Float:
+    """List for each period, or each share `held`, what must not be below ``-TOLERANCE``."""
     h, _, k_v, k_p = gains
-    result = sampled_stability_map(
+    T = periods[:, np.newaxis, np.newaxis]
+    hop = sampled_hop(
         h,
         k_v,
         k_p,
         lags[:, np.newaxis],
         np.asarray(ends),
-        period=periods[:, np.newaxis, np.newaxis],
+        period=T,
         stale=stale,
         held=np.reshape(held, (-1, 1, 1)),
     )
-    return np.asarray(result.all(axis=(1, 2)), dtype=np.bool_)
+    margins = _margin(hop, T)
+    return margins.reshape(len(margins), -1)
 
 
 def lags_to_try(tau_max: float, k_effective: float | None) -> Float:

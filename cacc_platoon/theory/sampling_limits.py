@@ -6,18 +6,19 @@ Both are first losses of string stability in a numerical search
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cacc_platoon.theory.exact import is_string_stable
+from cacc_platoon.theory.exact import TOLERANCE, is_string_stable
 from cacc_platoon.theory.noise_interval import effective_gains
 from cacc_platoon.theory.sampled import (
     is_sampled_string_stable,
     lags_to_try,
+    margins_at,
     require_held,
-    stable_at,
 )
 
 if TYPE_CHECKING:
@@ -29,6 +30,9 @@ if TYPE_CHECKING:
 
 __all__ = ["critical_loss", "critical_period"]
 
+_LONGEST_DELAY = 1e9  # of packets that are held, in periods
+_PER_E_FOLD, _ROUNDS = 16.0, 4
+
 
 def critical_period(
     gains: Gains,
@@ -39,6 +43,7 @@ def critical_period(
     held: float = 1.0,
     reception: float = 1.0,
     k_effective: float | None = None,
+    lost_at: float = math.inf,
 ) -> float:
     """Period at which robust string stability is first lost [s]; 0 when no period keeps it.
 
@@ -48,6 +53,8 @@ def critical_period(
     ----------
     gains, rho, tau_max, stale, held, reception, k_effective
         As in `is_sampled_string_stable`.
+    lost_at : float, optional
+        A period that is known not to keep it; what is returned is not above.
 
     Returns
     -------
@@ -73,11 +80,13 @@ def critical_period(
     if not all(is_string_stable(gains, tau_max, k) for k in ends):
         return 0.0
     longest = 8.0 / (gains.k_v + gains.time_headway * gains.k_p) + 8.0 * tau_max
-    return _first_lost(
-        lambda periods: stable_at(gains, ends, lags, periods, stale=stale, held=held),
-        longest,
-        1e-9 * tau_max,
-    )
+    longest, shortest = min(longest, lost_at), 1e-9 * tau_max
+
+    def margins(periods: Float) -> Float:
+        return margins_at(gains, ends, lags, periods, stale=stale, held=held)
+
+    within = (0.0, longest) if held == 1.0 else _enclosed(margins, shortest, longest)
+    return _first_lost(margins, shortest, *within)
 
 
 def critical_loss(
@@ -88,6 +97,7 @@ def critical_loss(
     *,
     reception: float = 1.0,
     k_effective: float | None = None,
+    lost_at: float = 1.0,
 ) -> float:
     """Share of lost packets at which a receiver that holds the last one first loses stability.
 
@@ -95,6 +105,8 @@ def critical_loss(
     ----------
     gains, rho, tau_max, period, reception, k_effective
         As in `is_sampled_string_stable`.
+    lost_at : float, optional
+        A share that is known not to keep it; what is returned is not above.
 
     Returns
     -------
@@ -115,19 +127,55 @@ def critical_loss(
     lags = lags_to_try(tau_max, k_effective)
     ends = effective_gains(gains.k_a, rho, reception=reception, k_effective=k_effective)
     at = np.array([period])
-    return _first_lost(
-        lambda losses: stable_at(gains, ends, lags, at, stale=False, held=1.0 - losses), 1.0, 1e-9
-    )
+    most = lost_at / (1.0 - lost_at) if lost_at < 1.0 else _LONGEST_DELAY
+
+    def margins(delays: Float) -> Float:
+        return margins_at(gains, ends, lags, at, stale=False, held=1.0 / (1.0 + delays))
+
+    delay = _first_lost(margins, 1e-9, *_enclosed(margins, 1e-9, most))
+    return lost_at if delay >= most else delay / (1.0 + delay)
+
+
+def _lost(margins: Float) -> NDArray[np.intp]:
+    return np.flatnonzero(~(margins >= -TOLERANCE).all(axis=1))
+
+
+def _enclosed(
+    margins_of: Callable[[Float], Float], smallest: float, largest: float
+) -> tuple[float, float]:
+    """Enclose the first loss on a geometric grid, refined where a margin dips between its values.
+
+    Packets that are held for long are like none, which may be stable again: what is lost may be
+    a narrow band alone.
+    """
+    smallest = min(smallest, largest)
+    values = np.geomspace(smallest, largest, 2 + int(_PER_E_FOLD * math.log(largest / smallest)))
+    low, high = 0.0, largest
+    for _ in range(_ROUNDS):
+        margins = margins_of(values)
+        last = next(iter(_lost(margins)), len(values) - 1)
+        low, high = (float(values[last - 1]) if last else 0.0), float(values[last])
+        finer = [np.linspace(values[i], values[i + 2], 17) for i in _dips(margins[: last + 1])]
+        if not finer:
+            break
+        values = np.unique(np.concatenate((values[: last + 1], *finer)))
+    return low, high
+
+
+def _dips(margins: Float) -> NDArray[np.intp]:
+    """List the i at whose successor a margin is least, and may vanish beside it: twice as deep."""
+    left, inner, right = margins[:-2], margins[1:-1], margins[2:]
+    least = (inner <= left) & (inner <= right) & (np.maximum(left, right) > 2.0 * inner + TOLERANCE)
+    return np.flatnonzero(least.any(axis=1))
 
 
 def _first_lost(
-    holds: Callable[[Float], NDArray[np.bool_]], largest: float, smallest: float
+    margins_of: Callable[[Float], Float], smallest: float, low: float, high: float
 ) -> float:
-    """Search (0, largest] for where `holds` first fails; 0 where that is below `smallest`."""
-    low, high = 0.0, largest
+    """Search (low, high] for where a margin first fails; 0 where that is below `smallest`."""
     while high - low > 1e-7 * high:
         values = np.linspace(low, high, 33)[1:]
-        lost = np.flatnonzero(~holds(values))
+        lost = _lost(margins_of(values))
         if lost.size == 0:
             return high
         low, high = float(values[lost[0]] - (high - low) / 32), float(values[lost[0]])

@@ -109,7 +109,7 @@ def test_held_packets_shorten_the_critical_period():
     """Followed, it certifies; a period below the one without loss need not."""
     held = certify(A, 5.0, 0.5, period=0.2, held=0.5)
     whole = certify(A, 5.0, 0.5)
-    assert held.critical_period == critical_period(A, 5.0, 0.5, held=0.5)
+    assert held.critical_period == critical_period(A, 5.0, 0.5, held=0.5, lost_at=0.2)
     assert held.critical_period < 0.5 * whole.critical_period
     between = dataclasses.replace(held, period=0.99 * whole.critical_period)
     assert between.fails_held

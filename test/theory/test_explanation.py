@@ -93,6 +93,8 @@ def test_lost_packets_enter_every_rule():
     short = failure_of(A._replace(time_headway=0.8), reception=0.5)
     assert "below 0.833333 s = 2 tau_0/(1 + 0.5 (1 - 1/rho) k_a)" in short.condition
     assert f"above {2 * 0.5 * (1 - 0.2) / (1 - 0.36):.6g} s" in short.remedy
+    none = failure_of(A._replace(time_headway=0.8), reception=0.0)
+    assert none.condition == "time_headway = 0.8 s is below 1 s = 2 tau_0, the least without V2V"
     slow = failure_of(A._replace(k_p=0.2), reception=0.5)
     assert "k_a E[w] = 0.2" in slow.consequence
     held = certify(Gains(1.3, 0.5, 0.62, 0.1), 5.0, 0.5, reception=0.5)
