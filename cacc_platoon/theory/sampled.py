@@ -239,7 +239,7 @@ def sampled_stability_map(
 
 @np.errstate(all="ignore")  # what overflows counts as not stable
 def _margin(hop: SampledHop, period: ArrayLike) -> Float:
-    """Find the least ``q`` over the size of its terms on ``(0, 4/T^2]``; -inf for unstable loops."""
+    """Find the least ``q`` over the size of its terms on ``(0, 4/T^2]``; -inf if unstable."""
     T = np.broadcast_to(np.asarray(period, dtype=float), hop.loop[0].shape)
     q, size = _propagation_polynomial(hop, T)
     scale = np.multiply.accumulate(np.broadcast_to(4.0 / T**2, q.shape)[1:], axis=0)
