@@ -79,8 +79,9 @@ def _departures(consistency: Consistency | None) -> list[str]:
     if not consistency or not consistency.departures:
         return []
     follower, time, difference = min(consistency.departures, key=lambda item: item[1])
+    count = len(consistency.departures)
+    alone, in_all = (" alone", "") if count == 1 else ("", f" ({count} vehicles in all)")
     return [
-        f"vehicle {follower} departs from its scenario's equations at {time:g} s by "
-        f"{difference:.3g} ({len(consistency.departures)} vehicles in all): other gains, another "
-        "law, or data that were altered"
+        f"vehicle {follower}{alone} departs from its scenario's equations at {time:g} s by "
+        f"{difference:.3g}{in_all}: other gains, another law, or data that were altered"
     ]
