@@ -117,7 +117,7 @@ def _spin(
             shared_memory.note_segments()
             if recorder:
                 recorder.flush()
-        if name := stop.received():
+        if (name := stop.received()) and not session.ended:
             session.fail(f"host {session.host} was stopped by {name}")
             return
         if orphaned() or session.abandoned:

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 from cacc_platoon.runs.info import EndStatus
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.supervision.run_events import EndRun
+from cacc_platoon.supervision.run_state import joined
 from cacc_platoon.supervision.stall_diagnosis import diagnose
 
 
@@ -48,5 +49,5 @@ def conclude(
     if status is EndStatus.FINISHED and (short := lacking(topics, scenario.samples, counts)):
         status, message = EndStatus.FAILED, short
     if status is EndStatus.FAILED:
-        message = "; ".join([message, *end.silent, diagnose(scenario, counts)])
+        message = joined([message, *end.silent, diagnose(scenario, counts)])
     return status, message

@@ -40,6 +40,7 @@ from cacc_platoon.supervision.run_events import (
 from cacc_platoon.supervision.run_state import (
     Run,
     Stage,
+    joined,
     silent_hosts,
     some,
     summaries,
@@ -304,7 +305,7 @@ class RunMachine:
 
     def _fail(self, run: Run, now: float, reasons: Sequence[str]) -> Step:
         status = EndStatus.INTERRUPTED if run.signal else EndStatus.FAILED
-        return self._leave(run, EndRun(status, "; ".join(reasons)), now)
+        return self._leave(run, EndRun(status, joined(reasons)), now)
 
     @staticmethod
     def _leave(run: Run, end: EndRun, now: float) -> Step:
@@ -313,14 +314,28 @@ class RunMachine:
         run = run._replace(stage=Stage.LEAVING, since=now, phase=phase, end=end)
         return run, [PublishStatus(), CloseOwnHost()]
 
-    @staticmethod
-    def _take_leave(run: Run, now: float) -> Step:
+    def _take_leave(self, run: Run, now: float) -> Step:
+        run, actions = self._spoil(run)
         assert run.end is not None
         waited_for = silent_hosts(run)
         if waited_for and now - run.since <= GOODBYE_TIMEOUT:
-            return run, []
+            return run, actions
         end = replace(run.end, silent=tuple(waited_for))
-        return run._replace(stage=Stage.OVER, end=end), [end]
+        return run._replace(stage=Stage.OVER, end=end), [*actions, end]
+
+    @staticmethod
+    def _spoil(run: Run) -> Step:
+        """Let a complete run fail by what a host reports while it ends, such as a full disk.
+
+        What others send after the last sample spoils nothing.
+        """
+        failures = [host.failure for host in run.hosts.values() if host.failure]
+        if run.phase is not RunPhase.FINISHED or not (
+            own := [failure for failure in failures if FOREIGN not in failure]
+        ):
+            return run, []
+        end = EndRun(EndStatus.FAILED, joined(own[:NAMED_FAILURES]))
+        return run._replace(phase=RunPhase.FAILED, end=end), [PublishStatus()]
 
     # The texts; a replay has others.
 

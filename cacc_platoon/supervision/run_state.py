@@ -115,6 +115,17 @@ def summaries(run: Run) -> tuple[HostInfo, ...]:
     return tuple(HostInfo(name, h.pid, h.nodes) for name, h in sorted(run.hosts.items()))
 
 
+def joined(reasons: Sequence[str]) -> str:
+    """Return reasons as one line, whether or not they end as sentences.
+
+    Examples
+    --------
+    >>> joined(["it is late. Start it.", "the last complete sample is 7"])
+    'it is late. Start it; the last complete sample is 7'
+    """
+    return "; ".join(reason.removesuffix(".") for reason in reasons)
+
+
 def some(items: Sequence[str], limit: int = 6) -> str:
     """Return the first items in a line, and how many there are more."""
     more = f" and {len(items) - limit} more" if len(items) > limit else ""

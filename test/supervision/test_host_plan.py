@@ -132,3 +132,9 @@ def test_a_failed_run_says_who_was_silent_and_what_it_had() -> None:
 def test_an_interrupted_run_says_who_interrupted_it_and_no_more() -> None:
     end = EndRun(EndStatus.INTERRUPTED, "stopped by SIGINT", ("host 1 does not answer",))
     assert conclude(SCENARIO, TOPICS, end, {}) == (EndStatus.INTERRUPTED, "stopped by SIGINT")
+
+
+def test_a_reason_that_is_a_sentence_goes_on_without_its_full_stop() -> None:
+    end = EndRun(EndStatus.FAILED, "it is late. Raise run.start_timeout.")
+    _, message = conclude(SCENARIO, TOPICS, end, WHOLE)
+    assert message.startswith("it is late. Raise run.start_timeout; the last complete sample is ")

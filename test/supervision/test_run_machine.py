@@ -237,7 +237,7 @@ def test_a_node_that_never_appears_is_named() -> None:
     assert play.end == EndRun(
         EndStatus.FAILED,
         "after 4 s these nodes have not appeared: vehicle_1/vehicle, vehicle_1/noise_relay. "
-        "Start what is missing, or raise run.start_timeout.",
+        "Start what is missing, or raise run.start_timeout",
     )
 
 
@@ -338,7 +338,7 @@ def test_every_missing_connection_is_named() -> None:
         EndStatus.FAILED,
         "after 4 s these connections are missing: recorder of host front: its progress does not "
         "arrive, host front has not reported its connections, "
-        f"{missing[0]}. Start what is missing, or raise run.start_timeout.",
+        f"{missing[0]}. Start what is missing, or raise run.start_timeout",
     )
 
 
@@ -633,6 +633,31 @@ def test_a_complete_run_is_finished_whatever_comes_then() -> None:
     play.closed()
     assert play.end == EndRun(EndStatus.FINISHED)
     assert play.feed(GraphObserved(play.foreign), SignalReceived("SIGTERM"), Tick()) == []
+
+
+@pytest.mark.parametrize("last", [HostPhase.FAILED, HostPhase.CLOSED])
+def test_a_failure_while_the_hosts_of_a_complete_run_end_makes_it_fail(last: HostPhase) -> None:
+    play = Play().running()
+    play.complete()
+    play.after(TICK)
+    assert play.run.phase is RunPhase.FINISHED
+    full = dataclasses.replace(REAR, phase=last, failure="the disk is full")
+    assert PublishStatus() in play.after(TICK, HostReported(full))
+    assert play.run.phase is RunPhase.FAILED
+    assert play.machine.status(play.run).message == "the disk is full"
+    assert PublishStatus() not in play.after(TICK)
+    play.after(TICK, HostReported(dataclasses.replace(full, phase=HostPhase.CLOSED)))
+    play.after(TICK, HostReported(phase(FRONT, HostPhase.CLOSED)))
+    assert play.end == EndRun(EndStatus.FAILED, "the disk is full")
+
+
+def test_what_others_send_after_the_last_sample_spoils_nothing() -> None:
+    play = Play().running()
+    play.complete()
+    play.after(TICK)
+    play.after(TICK, failed(REAR, "pose: a message was lost or comes from another publisher"))
+    play.closed()
+    assert play.end == EndRun(EndStatus.FINISHED)
 
 
 def test_the_wall_time_is_from_the_first_horizon_to_the_last_sample() -> None:
