@@ -83,7 +83,12 @@ class HostMachine:
         return self.received_at is not None and now - self.received_at > self.silence_limit
 
     def take_status(self, status: RunStatus, now: float) -> HostMachine:
-        """Take note of a supervisor's status; without a run, its run is the one to belong to."""
+        """Take note of a supervisor's status; without a run, its run is the one to belong to.
+
+        A run that is over, whose last word is still there, is none to belong to.
+        """
+        if not self.state.run and status.phase.ended:
+            return self
         state = self.state if self.state.run else replace(self.state, run=status.run)
         if status.run != state.run:
             return self

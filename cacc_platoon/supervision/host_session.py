@@ -20,7 +20,13 @@ from cacc_platoon.scenario import Scenario
 from cacc_platoon.supervision.agreement import shared_parameters
 from cacc_platoon.supervision.host_machine import Endpoint, HostMachine
 from cacc_platoon.supervision.log import LOG
-from cacc_platoon.supervision.protocol import HostPhase, HostState, ProtocolError, RunStatus
+from cacc_platoon.supervision.protocol import (
+    HostPhase,
+    HostState,
+    OtherVersionError,
+    ProtocolError,
+    RunStatus,
+)
 from msg_adapters.topics import PlatoonTopics
 
 
@@ -40,7 +46,7 @@ class HostSession:
     part : str, optional
         Where it does so.
     run : str, optional
-        Which run the host belongs to; without it, the first one it meets.
+        Which run the host belongs to; without it, the first one it meets that is not over.
     """
 
     def __init__(
@@ -66,6 +72,7 @@ class HostSession:
             part=part,
             parameters={} if run else self._parameters(),
         )
+        self._misunderstood = False
         self._machine = HostMachine(state, 2.0 * scenario.run.stall_timeout + 5.0)
         topics, carrier = PlatoonTopics(scenario.platoon.namespace), self._nodes[0]
         self._publisher = carrier.create_publisher(String, topics.host_state, _many_latched())
@@ -112,6 +119,11 @@ class HostSession:
     def _on_status(self, message: String) -> None:
         try:
             status = RunStatus.from_json(message.data)
+        except OtherVersionError as error:
+            if not self._misunderstood:
+                LOG.info("%sstatus: %s", self._prefix, error)
+            self._misunderstood = True
+            return
         except ProtocolError:
             return  # the supervisor sees in the graph who else publishes there
         known = self._machine.status

@@ -31,6 +31,10 @@ class ProtocolError(Exception):
     """A text that is no message of ours; the line says what is wrong with it."""
 
 
+class OtherVersionError(ProtocolError):
+    """A message of ours from another version of cacc_platoon, which speaks another format."""
+
+
 def sendable(text: str) -> str:
     r"""Return a text as it may be sent: without NUL and lone surrogates, and not endless.
 
@@ -73,7 +77,7 @@ class Fields:
         fields = cls(value, "the message")
         version = fields.integer("format", at_least=1)
         if version != VERSION:
-            raise ProtocolError(
+            raise OtherVersionError(
                 f"the message is of format {version}, but this version of cacc_platoon understands "
                 f"format {VERSION}. Use the same version of cacc_platoon for all nodes"
             )

@@ -15,12 +15,20 @@ from enum import StrEnum
 from typing import TypeAlias
 
 from cacc_platoon.runs.info import HostInfo
-from cacc_platoon.supervision.json_fields import VERSION, Fields, ProtocolError, Value, sendable
+from cacc_platoon.supervision.json_fields import (
+    VERSION,
+    Fields,
+    OtherVersionError,
+    ProtocolError,
+    Value,
+    sendable,
+)
 
 __all__ = [
     "VERSION",
     "HostPhase",
     "HostState",
+    "OtherVersionError",
     "ProtocolError",
     "RunPhase",
     "RunStatus",

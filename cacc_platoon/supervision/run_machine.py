@@ -17,7 +17,14 @@ from cacc_platoon.runs.info import EndStatus
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.supervision.agreement import disagreements
 from cacc_platoon.supervision.pacing import furthest_sample, horizon, stall_limit
-from cacc_platoon.supervision.protocol import HostState, RunPhase, RunStatus, sendable
+from cacc_platoon.supervision.protocol import (
+    HostState,
+    OtherVersionError,
+    ProtocolError,
+    RunPhase,
+    RunStatus,
+    sendable,
+)
 from cacc_platoon.supervision.run_events import (
     Action,
     CloseOwnHost,
@@ -357,6 +364,13 @@ class RunMachine:
         host = run.hosts.get(ended.host)
         nodes = some(host.nodes if host else ["before it appeared"])
         return f"host {ended.host} (process {ended.pid}: {nodes}) {ended.how}"
+
+
+def refusal(topic: str, error: ProtocolError) -> MessageRefused:
+    """Return what to make of a text on a topic that no host of this version can have sent."""
+    if isinstance(error, OtherVersionError):
+        return MessageRefused(f"{topic}: {error}")
+    return MessageRefused(f"{topic}: a message from {FOREIGN}, no host of ours: {error}")
 
 
 def _refuse(run: Run, reason: str) -> Run:

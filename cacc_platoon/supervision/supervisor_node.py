@@ -18,7 +18,8 @@ from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import format_scenario
 from cacc_platoon.scenario.table import GROUPS
 from cacc_platoon.supervision.protocol import HostState, ProtocolError, RunStatus
-from cacc_platoon.supervision.run_events import Event, HostReported, MessageRefused, Recorded
+from cacc_platoon.supervision.run_events import Event, HostReported, Recorded
+from cacc_platoon.supervision.run_machine import refusal
 from msg_adapters.topics import Graph
 
 MAX_HOSTS = 1000
@@ -116,10 +117,7 @@ class SupervisorNode(Node):  # type: ignore[misc]
         try:
             event: Event = HostReported(HostState.from_json(message.data))
         except ProtocolError as error:
-            event = MessageRefused(
-                f"{self.topics.host_state}: a message from another publisher, no host of ours: "
-                f"{error}"
-            )
+            event = refusal(self.topics.host_state, error)
         self.feed(event)
 
 

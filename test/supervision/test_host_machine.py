@@ -51,6 +51,15 @@ def test_a_host_without_a_run_belongs_to_the_first_it_meets() -> None:
     assert met.take_status(status(RunPhase.FAILED, run="second"), 2.0) == met
 
 
+@pytest.mark.parametrize("phase", [RunPhase.FINISHED, RunPhase.FAILED])
+def test_a_host_without_a_run_waits_for_one_that_is_not_over(phase: RunPhase) -> None:
+    waiting = host(run="").take_status(status(phase, run="last"), 1.0)
+    assert waiting == host(run="")
+    assert not waiting.ended
+    assert not waiting.abandoned(1e9)
+    assert waiting.take_status(status(run="next"), 2.0).state.run == "next"
+
+
 def test_a_host_of_a_run_passes_over_every_other() -> None:
     alone = host()
     assert alone.take_status(status(RunPhase.FINISHED, run="beef"), 1.0) == alone

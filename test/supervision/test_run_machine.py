@@ -12,7 +12,13 @@ from hypothesis import strategies as st
 
 from cacc_platoon.runs.info import EndStatus, HostInfo
 from cacc_platoon.scenario import Scenario
-from cacc_platoon.supervision.protocol import HostPhase, HostState, RunPhase
+from cacc_platoon.supervision.protocol import (
+    VERSION,
+    HostPhase,
+    HostState,
+    ProtocolError,
+    RunPhase,
+)
 from cacc_platoon.supervision.run_events import (
     Action,
     CloseOwnHost,
@@ -40,6 +46,7 @@ from cacc_platoon.supervision.run_machine import (
     HEARTBEAT_PERIOD,
     NEWCOMER_WAIT,
     RunMachine,
+    refusal,
 )
 from cacc_platoon.supervision.run_state import Stage, some
 
@@ -541,6 +548,32 @@ def test_a_flood_of_messages_of_others_takes_no_memory() -> None:
     play = Play().running()
     play.feed(*(MessageRefused(f"message {i} from another publisher") for i in range(1000)))
     assert len(play.run.refused) == 3
+
+
+def test_a_message_of_none_of_ours_is_one_of_another_publisher() -> None:
+    play = Play().running()
+    with pytest.raises(ProtocolError) as nonsense:
+        HostState.from_json("nonsense")
+    play.after(TICK, refusal("/platoon/host_state", nonsense.value))
+    play.after(GRAPH_PERIOD + TICK)
+    assert play.run.end
+    assert play.run.end.message == (
+        "/platoon/host_state: a message from another publisher, no host of ours: the message is "
+        f"not JSON that can be read; {ADVICE}"
+    )
+
+
+def test_a_host_of_another_version_is_told_so_and_nothing_else() -> None:
+    play = Play().started()
+    newer = FRONT.to_json().replace(f'"format": {VERSION}', '"format": 99')
+    with pytest.raises(ProtocolError) as unknown:
+        HostState.from_json(newer)
+    play.after(TICK, refusal("/platoon/host_state", unknown.value))
+    assert play.run.end == EndRun(
+        EndStatus.FAILED,
+        "/platoon/host_state: the message is of format 99, but this version of cacc_platoon "
+        f"understands format {VERSION}. Use the same version of cacc_platoon for all nodes",
+    )
 
 
 @pytest.mark.parametrize("after", [0.0, GRAPH_PERIOD / 2])

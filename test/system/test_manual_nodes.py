@@ -1,0 +1,91 @@
+"""A manually started node among supervisors that are not its own: it goes on waiting."""
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TypeAlias
+
+import pytest
+import rclpy
+from rclpy.context import Context
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from std_msgs.msg import String
+
+from cacc_platoon.dds.domain import own_domain
+from cacc_platoon.nodes import qos
+from cacc_platoon.supervision.protocol import VERSION, RunPhase, RunStatus
+
+CODE = "import sys; from cacc_platoon.supervision.entry_points import vehicle; sys.exit(vehicle())"
+PATIENCE = 30.0
+NEWER = VERSION + 1
+LAST = RunStatus("last", RunPhase.FINISHED, 200, 201).to_json()
+
+Process: TypeAlias = subprocess.Popen[bytes]
+
+pytestmark = pytest.mark.usefixtures("nothing_left")
+
+
+@pytest.fixture
+def domain() -> Iterator[int]:
+    with own_domain() as number:
+        yield number
+
+
+@pytest.fixture
+def status(domain: int) -> Iterator[Publisher]:
+    """Publish what a supervisor would."""
+    context = Context()
+    rclpy.init(args=[], context=context, domain_id=domain)
+    node = Node("supervisor", namespace="/platoon", context=context, use_global_arguments=False)
+    yield node.create_publisher(String, "/platoon/status", qos.latched())
+    node.destroy_node()
+    rclpy.shutdown(context=context)
+
+
+def wait(condition: Callable[[], bool], node: Process, log: Path) -> None:
+    """Wait for a condition; the node has to live on."""
+    deadline = time.monotonic() + PATIENCE
+    while not condition():
+        with pytest.raises(subprocess.TimeoutExpired):
+            node.wait(timeout=0.1)
+        assert time.monotonic() < deadline, log.read_text()
+
+
+def test_a_node_waits_for_a_run_that_goes_on_and_that_it_understands(
+    domain: int, status: Publisher, tmp_path: Path
+) -> None:
+    log = tmp_path / "log"
+    status.publish(String(data=LAST))
+    with log.open("wb") as output:
+        node = subprocess.Popen(
+            [sys.executable, "-c", CODE, "--ros-args", "-r", "__ns:=/platoon/vehicle_2"],
+            env={**os.environ, "ROS_DOMAIN_ID": str(domain)},
+            stderr=output,
+        )
+    newer = RunStatus("newer").to_json().replace(f'"format": {VERSION}', f'"format": {NEWER}')
+
+    def say_until(text: str, words: str) -> None:
+        def said() -> bool:
+            status.publish(String(data=text))
+            return words in log.read_text()
+
+        wait(said, node, log)
+
+    try:
+        wait(lambda: status.get_subscription_count() > 0, node, log)
+        assert status.wait_for_all_acked(Duration(seconds=PATIENCE))
+        say_until(LAST, "waiting for the supervisor")
+        say_until(newer, f"/platoon/status: the message is of format {NEWER}")
+        say_until(RunStatus("next").to_json(), "run next: waiting")
+    finally:
+        node.terminate()
+        node.wait(PATIENCE)
+    text = log.read_text()
+    assert "run last" not in text
+    assert text.count("of format") == 1, text
+    assert f"understands format {VERSION}." in text
