@@ -14,6 +14,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from cacc_platoon.dds import shared_memory
+from cacc_platoon.errors import UserError
 from cacc_platoon.nodes.executor import create_executor, spin_for
 from cacc_platoon.nodes.leader import LeaderNode
 from cacc_platoon.nodes.noise_relay import NoiseRelayNode
@@ -54,7 +55,11 @@ def run_host(plan: HostPlan, lifeline: Connection) -> None:
         topics = [topic for node in plan.nodes for topic in graph.nodes[node].publishes]
         recorder = RecorderNode(plan.scenario, plan.name, topics, plan.part)
         nodes: list[Node] = [recorder]
-        nodes += [NODE_CLASSES[kind](plan.scenario, index) for kind, index in plan.nodes]
+        failure = ""
+        try:
+            nodes += [NODE_CLASSES[kind](plan.scenario, index) for kind, index in plan.nodes]
+        except UserError as error:  # own code may fail here and nowhere before
+            failure = str(error)
         session = HostSession(
             plan.name,
             nodes,
@@ -62,6 +67,7 @@ def run_host(plan: HostPlan, lifeline: Connection) -> None:
             records=recorder.recorded,
             part=str(recorder.folder),
             run=plan.run,
+            failure=failure,
         )
         sys.exit(serve(nodes, session, recorder, stop, lifeline.poll))
 

@@ -47,6 +47,8 @@ class HostSession:
         Where it does so.
     run : str, optional
         Which run the host belongs to; without it, the first one it meets that is not over.
+    failure : str, optional
+        Why it cannot do its part; it is there to say so.
     """
 
     def __init__(
@@ -58,6 +60,7 @@ class HostSession:
         records: Sequence[str] = (),
         part: str = "",
         run: str = "",
+        failure: str = "",
     ) -> None:
         self._nodes = list(nodes)
         self._prefix = f"{scenario.platoon.namespace}/"
@@ -79,6 +82,8 @@ class HostSession:
         carrier.create_subscription(String, topics.status, self._on_status, qos.latched())
         LOG.info("host %s: process %d, %s", host, state.pid, ", ".join(state.nodes))
         self._publish()
+        if failure:
+            self.fail(failure)
 
     @property
     def host(self) -> str:

@@ -21,6 +21,7 @@ from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Int64
 
 from cacc_platoon.dds import shared_memory
+from cacc_platoon.errors import UserError
 from cacc_platoon.model import State
 from cacc_platoon.nodes import qos
 from cacc_platoon.nodes.executor import create_executor
@@ -28,7 +29,7 @@ from cacc_platoon.nodes.node import MESSAGE_TYPES
 from cacc_platoon.nodes.vehicle import VehicleNode
 from cacc_platoon.runs.info import EndStatus
 from cacc_platoon.scenario import Scenario
-from cacc_platoon.scenario.names import NodeKind, NodeName
+from cacc_platoon.scenario.names import NodeKind, NodeName, host_name
 from cacc_platoon.supervision.conductor import Conductor, Crew, Observer
 from cacc_platoon.supervision.host import NODE_CLASSES, host_signals, serve
 from cacc_platoon.supervision.host_session import HostSession
@@ -66,13 +67,25 @@ def run_node(plan: NodePlan, lifeline: Connection) -> None:
     if plan.verbose:
         log_to_stderr()
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-    node: Node
-    if plan.node.kind == NodeKind.VEHICLE:
-        node = VehicleNode(plan.scenario, plan.node.vehicle, initial=plan.initial)
-    else:
-        node = NODE_CLASSES[plan.node.kind](plan.scenario, plan.node.vehicle)
-    session = HostSession(plan.name, [node], plan.scenario, run=plan.run)
+    failure = ""
+    try:
+        node = _make(plan)
+    except UserError as error:
+        node, failure = _spokesman(plan), str(error)
+    session = HostSession(plan.name, [node], plan.scenario, run=plan.run, failure=failure)
     sys.exit(serve([node], session, None, stop, lifeline.poll))
+
+
+def _make(plan: NodePlan) -> Node:
+    if plan.node.kind == NodeKind.VEHICLE:
+        return VehicleNode(plan.scenario, plan.node.vehicle, initial=plan.initial)
+    return NODE_CLASSES[plan.node.kind](plan.scenario, plan.node.vehicle)
+
+
+def _spokesman(plan: NodePlan) -> Node:
+    """Return a node that is there only to say why the node of the plan cannot be made."""
+    namespace = f"{plan.scenario.platoon.namespace}/{host_name(plan.name)}"
+    return Node("spokesman", namespace=namespace, use_global_arguments=False)
 
 
 class Feeder:

@@ -1,5 +1,7 @@
 """A custom channel and control law, named by a scenario as own_parts:<name>."""
 
+import multiprocessing
+
 from cacc_platoon.model import ComposedChannel, ContentNoise, IndependentLoss, Packets
 from cacc_platoon.scenario import Follower
 
@@ -51,3 +53,10 @@ class TwoAhead(Cautious):
         for value in received[1:]:
             total = total + value
         return self._law.command(x, v, x_ahead, v_ahead, total / len(received))
+
+
+def tried_alone(follower: Follower) -> Cautious:
+    """Make a law where it is tried before a run, and fail in the processes of the run."""
+    if multiprocessing.parent_process():
+        raise SystemExit(3)
+    return Cautious(follower)
