@@ -80,11 +80,11 @@ def run(options: argparse.Namespace) -> int:
             namespace=options.namespace,
             progress=progress,
         )
-    if given is None:
-        _refuse_own_code(record)
-    else:
-        given.check_own_code()
     scenario = changed_scenario(record, options.set) if options.set else record.scenario
+    if given:
+        scenario.check_own_code()
+    else:
+        _check_own_code(record, scenario, options.set)
     require_ros("replay", "platoon simulate runs a scenario")
     if options.verbose:
         log_everything()
@@ -103,16 +103,24 @@ def run(options: argparse.Namespace) -> int:
     return code
 
 
-def _refuse_own_code(record: NodeRecord) -> None:
-    """Refuse to run code that only a recording names."""
-    scenario = record.scenario
-    follows = record.index in scenario.indices
-    named = scenario.follower(record.index).own_code if follows else {}
-    for name, text in named.items():
-        raise UserError(
-            f"{record.run.bag}: names {name} = {text}, code that the replay would run. If you "
-            "trust it, give the parameters with --scenario FILE."
-        )
+def _check_own_code(record: NodeRecord, scenario: Scenario, settings: list[str]) -> None:
+    """Refuse to run code that only a recording names, and try what a setting names."""
+    from cacc_platoon.scenario.own_code import try_law  # noqa: PLC0415  (heavy)
+
+    if record.index not in scenario.indices:
+        return
+    follower = scenario.follower(record.index)
+    own = f"{vehicle_name(record.index)}."
+    given = {setting.partition("=")[0].removeprefix(own) for setting in settings}
+    for name, text in follower.own_code.items():
+        if name not in given:
+            raise UserError(
+                f"{record.run.bag}: names {name} = {text}, code that the replay would run. If you "
+                "trust it, give the parameters with --scenario FILE."
+            )
+    if follower.law_name:
+        links = scenario.topology.links_to(record.index)
+        try_law(follower, scenario.platoon.initial_speed, len(links))
 
 
 class _FailedError(Exception):
