@@ -81,14 +81,13 @@ def _first_row(record: NodeRecord, stream: Stream, replayed: Sequence[bytes]) ->
     same = (_rows(stream.topic, replayed[:count]) == stream.messages[:count]).all(axis=1)
     if not same.all():
         return int(same.argmin())
-    gap = count < len(stream.messages) and stream.unbroken == record.samples
-    return count if gap else None
+    return count if stream.gap and stream.unbroken == record.samples else None
 
 
 def _rows(topic: Topic, messages: Sequence[bytes]) -> Bytes:
     """Return messages of one length as rows, padding zeroed."""
     clean = b"".join(map(topic.codec.zero_padding, messages))
-    return np.frombuffer(clean, np.uint8).reshape(len(messages), -1)
+    return np.frombuffer(clean, np.uint8).reshape(len(messages), topic.codec.size)
 
 
 def _describe(
@@ -97,9 +96,7 @@ def _describe(
     topic, sample = stream.topic, stream.sample_of(row)
     place = (topic.name, sample, sample * record.scenario.run.step)
     if sample >= record.samples:
-        return Difference(
-            *place, None, None, "the bag has no message of this sample but later ones"
-        )
+        return Difference(*place, None, None, stream.end)
     recorded = stream.messages[row].tobytes()
     answer = topic.codec.zero_padding(replayed[row])
     (stamp, before), unit = (

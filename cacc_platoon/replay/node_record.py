@@ -20,6 +20,9 @@ from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.names import NodeKind, NodeName, vehicle_name
 from msg_adapters.topics import Graph, Topic
 
+_LARGE = 2.0**53
+"""Smaller whole numbers are exact in a count."""
+
 
 class Stream(NamedTuple):
     """The messages of one topic.
@@ -32,12 +35,18 @@ class Stream(NamedTuple):
         CDR bytes in the order of their delivery, padding zeroed.
     ends : ndarray of int64, shape (samples,)
         How many messages there are up to and including each sample, for the samples 0, 1, 2, ... of
-        which that is known; messages behind the last of them have a gap before.
+        which that is known.
+    end : str
+        Why it is known for no more of them.
+    gap : bool
+        Whether there are messages behind them, which do not go on where these end.
     """
 
     topic: Topic
     messages: Bytes
     ends: Integers
+    end: str
+    gap: bool
 
     @property
     def unbroken(self) -> int:
@@ -45,8 +54,9 @@ class Stream(NamedTuple):
         return len(self.ends)
 
     def count(self, samples: int) -> int:
-        """Return how many messages the first samples have."""
-        return int(self.ends[samples - 1]) if samples else 0
+        """Return how many messages the first samples have, as far as that is known."""
+        known = min(samples, self.unbroken)
+        return int(self.ends[known - 1]) if known else 0
 
     def sample_of(self, row: int) -> int:
         """Return the sample at which a message was delivered."""
@@ -149,56 +159,89 @@ def read_node(
     raw = read_bag(bag, progress)
     graph = Graph.of(run.scenario)
     topics = graph.nodes[NodeName(NodeKind(node), index)]
-    read = _Streams(raw, graph, node, run.scenario.step_ns)
+    read = _Streams(raw, graph, node, run.scenario)
     inputs = tuple(read.stream(topic, index) for topic in topics.subscribes)
     outputs = tuple(read.stream(topic, index) for topic in topics.publishes)
-    known = [stream.unbroken for stream in inputs]
     ahead = 1 if node == "vehicle" else 0  # sample k of the inputs gives sample k + 1
     last = run.scenario.samples
-    samples = min([last, *(n + ahead for n in known), *(s.unbroken for s in outputs)])
-    notes = [
-        f"{s.topic.name} ends at sample {n - 1}"
-        if s.count(n) == len(s.messages)
-        else f"{s.topic.name} lacks sample {n}"
-        for s, n in zip(inputs + outputs, [*known, *(s.unbroken for s in outputs)], strict=True)
-        if n < last
-    ]
+    samples = min([last, *(s.unbroken + ahead for s in inputs), *(s.unbroken for s in outputs)])
+    streams = sorted(inputs + outputs, key=lambda stream: stream.unbroken)
+    notes = dict.fromkeys(stream.end for stream in streams if stream.unbroken < last)
     return NodeRecord(run, node, index, inputs, outputs, samples, tuple(notes))
 
 
 class _Streams:
     """Reads the topics of one node from a bag."""
 
-    def __init__(self, raw: RawBag, graph: Graph, node: str, step: int) -> None:
-        self._raw, self._node, self._step = raw, node, step
-        self._complete = dict(graph.counted_links.values())
+    def __init__(self, raw: RawBag, graph: Graph, node: str, scenario: Scenario) -> None:
+        self._raw, self._node = raw, node
+        self._step, self._samples = scenario.step_ns, scenario.samples
+        self._counted_by = dict(graph.counted_links.values())
 
     def stream(self, topic: Topic, index: int) -> Stream:
         """Return the messages of a topic that vehicle `index` publishes or subscribes to."""
-        complete = self._complete.get(topic)
-        if complete is None:
-            return self._gridded(topic)
-        counts = self._gridded(complete)
-        ends = complete.codec.values(counts.messages[: counts.unbroken]).astype(np.int64)
-        if ends[-1] == 0:  # everything was lost
-            rows = np.empty((0, topic.codec.size), np.uint8)
-        else:
-            rows = self._rows(topic, rows_in_order_of_recording)
-        return Stream(topic, rows, ends[ends <= len(rows)])
+        if complete := self._counted_by.get(topic):
+            return self._known(self._counted(topic, self._known(self._counts(complete))))
+        if topic in self._counted_by.values():
+            return self._known(self._counts(topic))
+        return self._known(self._gridded(topic))
+
+    def _known(self, stream: Stream) -> Stream:
+        """Return a stream of which something is known from the beginning on."""
+        if not stream.unbroken:
+            raise BagError(
+                f"{self._raw.path}: {stream.end}, so the state of the node is unknown. Replay a "
+                "lockstep run that was recorded from its beginning and not altered."
+            )
+        return stream
 
     def _gridded(self, topic: Topic) -> Stream:
         """Return a topic that has a message of every sample."""
         rows = self._rows(topic, rows_in_stamp_order)
         stamps = topic.codec.stamps(rows)
         astray = stamps != np.arange(len(stamps)) * self._step
-        unbroken = int(astray.argmax()) if astray.any() else len(stamps)
-        if not unbroken:
-            raise BagError(
-                f"{self._raw.path}: {topic.name} does not begin with sample 0, stamped 0 s, so the "
-                "state of the node is unknown. Replay a lockstep run that was recorded from its "
-                "beginning."
-            )
-        return Stream(topic, rows, np.arange(1, unbroken + 1))
+        n = int(astray.argmax()) if astray.any() else len(stamps)
+        if n == len(stamps):
+            end = f"ends at sample {n - 1}"
+        elif n and stamps[n] == stamps[n - 1]:
+            end = f"has sample {n - 1} twice"
+        elif n:
+            end = f"lacks sample {n}"
+        else:
+            end = "does not begin with sample 0, stamped 0 s"
+        return Stream(topic, rows, np.arange(1, n + 1), f"{topic.name} {end}", n < len(stamps))
+
+    def _counts(self, complete: Topic) -> Stream:
+        """Return the counts of a relay as far as they can be counts of messages."""
+        stream = self._gridded(complete)
+        counts = complete.codec.values(stream.messages[: stream.unbroken])
+        before = np.concatenate([[0.0], counts[:-1]])
+        wrong = ~((counts >= before) & (counts < _LARGE) & (np.floor(counts) == counts))
+        if not wrong.any():
+            return stream
+        n = int(wrong.argmax())
+        end = (
+            f"{complete.name} counts {counts[n]:g} messages at sample {n} after {before[n]:g}, but "
+            "counts are whole numbers that never decrease"
+        )
+        return stream._replace(ends=stream.ends[:n], end=end, gap=True)
+
+    def _counted(self, topic: Topic, counts: Stream) -> Stream:
+        """Return a topic of which so many messages were delivered as are counted."""
+        totals = counts.values(counts.unbroken).astype(np.int64)
+        if totals[-1] == 0:  # everything was lost
+            rows = np.empty((0, topic.codec.size), np.uint8)
+        else:
+            rows = self._rows(topic, rows_in_order_of_recording)
+        ends = totals[totals <= len(rows)]
+        if len(ends) == len(totals) < self._samples:
+            return Stream(topic, rows, ends, counts.end, gap=False)
+        k = min(len(ends), len(totals) - 1)
+        end = (
+            f"{counts.topic.name} counts {totals[k]} messages up to sample {k}, but {topic.name} "
+            f"has {len(rows)}"
+        )
+        return Stream(topic, rows, ends, end, gap=not len(ends) or ends[-1] < len(rows))
 
     def _rows(self, topic: Topic, read: Callable[[list[RawTopic]], Bytes | None]) -> Bytes:
         parts = [part for part in self._raw.topics.get(topic.name, []) if len(part.lengths)]

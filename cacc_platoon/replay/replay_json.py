@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -69,10 +70,15 @@ def _difference(difference: Difference) -> dict[str, Any]:
         "topic": difference.topic,
         "sample": difference.sample,
         "time": difference.time,
-        "recorded": difference.recorded,
-        "replayed": difference.replayed,
+        "recorded": _finite(difference.recorded),
+        "replayed": _finite(difference.replayed),
         "what": difference.what,
     }
+
+
+def _finite(value: float | None) -> float | None:
+    """Return a number as JSON can have it; what it was is in the words of the difference."""
+    return value if value is not None and math.isfinite(value) else None
 
 
 def _motion(motion: Motion) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from cacc_platoon.errors import UserError
 from cacc_platoon.replay import (
     Difference,
     changed_scenario,
+    comparison_document,
     first_difference,
     possible_causes,
     read_node,
@@ -42,7 +43,8 @@ def make_bag(path, scenario=SCENARIO, **changes):
         name = f"/platoon/vehicle_{topic[1]}/{topic[3:].replace('__', '/')}"
         record = recording.pop(name)
         if change:
-            recording[name] = record._replace(messages=change(record.messages.copy()))
+            messages = change(record.messages.copy())
+            recording[name] = record._replace(messages=messages, delivered=None)
     write_bag(
         path,
         recording,
@@ -62,6 +64,15 @@ def answers(record, scenario=SCENARIO):
         stream.topic.name: [
             row.tobytes() for row in recording[stream.topic.name].messages[: record.samples]
         ]
+        for stream in record.outputs
+    }
+
+
+def lossy_answers(record):
+    """Return what a relay says that loses packets, every message of the run."""
+    recording = recording_of(simulate(record.scenario))
+    return {
+        stream.topic.name: [row.tobytes() for row in recording[stream.topic.name].messages]
         for stream in record.outputs
     }
 
@@ -158,13 +169,15 @@ def test_it_goes_as_far_as_the_bag(tmp_path, topic, length, samples):
         f"/platoon/vehicle_{topic[1]}/{topic[3:].replace('__', '/')} ends at sample 99",
     )
     assert first_difference(record, answers(record)) is None
+    answer = what_if(record, record.scenario, answers(record))
+    assert answer.recorded == answer.replayed
 
 
 def test_a_gap_in_what_the_vehicle_published_is_a_difference(tmp_path):
     record = read_node(make_bag(tmp_path / "bag", v2_twist=lambda r: np.delete(r, 70, axis=0)), 2)
     difference = found_difference(record, answers(record))
     assert (difference.topic, difference.sample) == (OWN.twist.name, 70)
-    assert "no message of this sample but later ones" in str(difference)
+    assert difference.what == "/platoon/vehicle_2/twist lacks sample 70"
 
 
 def test_what_the_channel_lost_is_fed_as_lost(tmp_path):
@@ -194,6 +207,129 @@ def test_a_gap_in_what_no_channel_loses_ends_the_replay(tmp_path):
     record = read_node(bag, 2)
     assert record.samples == 51
     assert record.notes == ("/platoon/vehicle_2/v2v/accel lacks sample 50",)
+
+
+def counting(change):
+    """Return a change of messages that changes the counts in them, an array of floats."""
+
+    def changed(rows):
+        at = OWN.complete.codec.size - 8 * OWN.complete.kind.doubles
+        counts = rows[:, at : at + 8].copy().view("<f8")[:, 0]
+        change(counts)
+        rows[:, at : at + 8] = counts[:, None].view(np.uint8)
+        return rows
+
+    return changed
+
+
+def put(sample, count):
+    """Return a change of counts: another one at a sample."""
+
+    def change(counts):
+        counts[sample] = count
+
+    return counting(change)
+
+
+def lossy_bag(path, **changes):
+    """Write a run of which a third of the packets is lost, with some topics changed."""
+    return make_bag(path, Scenario.from_values(VALUES | {"v2v.loss": 0.3}), **changes)
+
+
+DAMAGED = [
+    (put(200, 1e300), 200, "counts 1e+300 messages at sample 200 after "),
+    (put(60, np.nan), 60, "counts nan messages at sample 60 after "),
+    (put(60, np.inf), 60, "counts inf messages at sample 60 after "),
+    (put(60, 30.5), 60, "counts 30.5 messages at sample 60 after "),
+    (put(60, 3.0), 60, "counts 3 messages at sample 60 after "),
+    (put(60, -1.0), 60, "counts -1 messages at sample 60 after "),
+    (lambda rows: np.delete(rows, 50, axis=0), 50, "lacks sample 50"),
+    (lambda rows: np.insert(rows, 50, rows[50], axis=0), 51, "has sample 50 twice"),
+]
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(("change", "known", "words"), DAMAGED)
+def test_a_vehicle_is_replayed_as_far_as_the_counts_are_counts(tmp_path, change, known, words):
+    record = read_node(lossy_bag(tmp_path / "bag", v2_v2v__complete=change), 2)
+    assert record.samples == known + 1
+    (note,) = record.notes
+    assert note.startswith(f"{OWN.complete.name} {words}")
+    (counts,) = (fed for topic, fed in record.feed() if topic.name == OWN.complete.name)
+    assert [len(messages) for messages in counts] == [1] * known + [0]
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(("change", "known", "words"), DAMAGED)
+def test_counts_that_no_relay_publishes_are_a_difference(tmp_path, change, known, words):
+    record = read_node(lossy_bag(tmp_path / "bag", v2_v2v__complete=change), 2, "noise_relay")
+    assert record.samples == known
+    difference = found_difference(record, lossy_answers(record))
+    assert (difference.topic, difference.sample) == (OWN.complete.name, known)
+    assert difference.what.startswith(f"{OWN.complete.name} {words}")
+
+
+@pytest.mark.parametrize("count", [1.5, -1.0, np.nan, 1e300])
+@pytest.mark.parametrize("node", ["vehicle", "noise_relay"])
+def test_counts_that_are_none_from_the_beginning_are_refused(tmp_path, count, node):
+    bag = lossy_bag(tmp_path / "bag", v2_v2v__complete=put(0, count))
+    with pytest.raises(UserError, match=r"complete counts \S+ messages at sample 0") as refusal:
+        read_node(bag, 2, node)
+    assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize(("sample", "count"), [(60, 500.0), (0, 300.0)])
+def test_more_are_counted_than_there_are(tmp_path, sample, count):
+    bag = lossy_bag(tmp_path / "bag", v2_v2v__complete=put(sample, count))
+    words = (
+        f"{OWN.complete.name} counts {count:.0f} messages up to sample {sample}, but "
+        f"{OWN.received.name} has "
+    )
+    if not sample:
+        with pytest.raises(UserError, match=words):
+            read_node(bag, 2)
+        return
+    record = read_node(bag, 2)
+    assert record.samples == 61
+    assert record.notes[0].startswith(words)
+
+
+def test_messages_that_no_sample_counts_are_a_difference(tmp_path):
+    def twice(rows):
+        return np.concatenate([rows, rows[-1:]])
+
+    record = read_node(lossy_bag(tmp_path / "bag", v2_v2v__accel=twice), 2, "noise_relay")
+    assert (record.samples, record.notes) == (201, ())
+    difference = found_difference(record, lossy_answers(record))
+    assert difference.topic == OWN.received.name
+    counted = record.outputs[0].count(201)
+    assert difference.what == (
+        f"{OWN.complete.name} counts {counted} messages up to sample 200, but "
+        f"{OWN.received.name} has {counted + 1}"
+    )
+
+
+@pytest.mark.parametrize(("topic", "last"), [("accel", OWN.received), ("complete", OWN.complete)])
+def test_a_counted_link_that_was_cut_short_is_replayed_so_far(tmp_path, topic, last):
+    bag = lossy_bag(tmp_path / "bag", **{f"v2_v2v__{topic}": lambda rows: rows[:80]})
+    record = read_node(bag, 2, "noise_relay")
+    assert 79 < record.samples < 130
+    assert last.name in record.notes[0]
+    assert first_difference(record, lossy_answers(record)) is None
+
+
+def test_a_relay_that_delivers_nothing_is_compared(tmp_path):
+    lossy = Scenario.from_values(VALUES | {"v2v.loss": 1.0})
+    record = read_node(make_bag(tmp_path / "bag", lossy), 2, "noise_relay")
+    assert first_difference(record, answers(record, lossy)) is None
+
+
+def test_what_json_does_not_have_is_null(tmp_path):
+    record = read_node(make_bag(tmp_path / "bag"), 2)
+    difference = Difference(OWN.pose.name, 3, 0.03, float("nan"), 1.5, "recorded nan")
+    document = comparison_document(record, difference, [])
+    found = document["first_difference"]
+    assert (found["recorded"], found["replayed"]) == (None, 1.5)
 
 
 @pytest.mark.parametrize("topic", ["v1_pose", "v1_twist", "v2_v2v__accel", "v2_accel"])
