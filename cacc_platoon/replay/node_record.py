@@ -16,12 +16,10 @@ from cacc_platoon.bags.read import RawBag, read_bag
 from cacc_platoon.errors import UserError
 from cacc_platoon.runs.locate import locate
 from cacc_platoon.runs.recorded_run import RecordedRun, read_run
+from cacc_platoon.runs.recording import MOST
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.names import NodeKind, NodeName, vehicle_name
 from msg_adapters.topics import Graph, Topic
-
-_LARGE = 2.0**53
-"""Smaller whole numbers are exact in a count."""
 
 
 class Stream(NamedTuple):
@@ -216,7 +214,7 @@ class _Streams:
         stream = self._gridded(complete)
         counts = complete.codec.values(stream.messages[: stream.unbroken])
         before = np.concatenate([[0.0], counts[:-1]])
-        wrong = ~((counts >= before) & (counts < _LARGE) & (np.floor(counts) == counts))
+        wrong = ~((counts >= before) & (counts < MOST) & (np.floor(counts) == counts))
         if not wrong.any():
             return stream
         n = int(wrong.argmax())
