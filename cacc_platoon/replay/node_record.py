@@ -220,7 +220,7 @@ class _Streams:
         n = int(wrong.argmax())
         end = (
             f"{complete.name} counts {counts[n]:g} messages at sample {n} after {before[n]:g}, but "
-            "counts are whole numbers that never decrease"
+            "counts are whole numbers below 2^53 that never decrease"
         )
         return stream._replace(ends=stream.ends[:n], end=end, gap=True)
 
