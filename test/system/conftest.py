@@ -18,7 +18,7 @@ from cacc_platoon.testing import Platoon
 
 CONFIG = Path(__file__).parents[2] / "config"
 PAPER_A = CONFIG / "paper_a.yaml"
-PATIENCE = 30.0
+PATIENCE = 60.0
 
 
 def unowned_files() -> set[str]:
