@@ -16,7 +16,7 @@ from cacc_platoon.bags.read import RawBag, read_bag
 from cacc_platoon.errors import UserError
 from cacc_platoon.runs.locate import locate
 from cacc_platoon.runs.recorded_run import RecordedRun, read_run
-from cacc_platoon.runs.recording import MOST
+from cacc_platoon.runs.recording import not_counts
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.names import NodeKind, NodeName, vehicle_name
 from msg_adapters.topics import Graph, Topic
@@ -213,13 +213,13 @@ class _Streams:
         """Return the counts of a relay as far as they can be counts of messages."""
         stream = self._gridded(complete)
         counts = complete.codec.values(stream.messages[: stream.unbroken])
-        before = np.concatenate([[0.0], counts[:-1]])
-        wrong = ~((counts >= before) & (counts < MOST) & (np.floor(counts) == counts))
+        wrong = not_counts(counts)
         if not wrong.any():
             return stream
-        n = int(wrong.argmax())
+        n = int(np.argmax(wrong))
+        before = counts[n - 1] if n else 0.0
         end = (
-            f"{complete.name} counts {counts[n]:g} messages at sample {n} after {before[n]:g}, but "
+            f"{complete.name} counts {counts[n]:g} messages at sample {n} after {before:g}, but "
             "counts are whole numbers below 2^53 that never decrease"
         )
         return stream._replace(ends=stream.ends[:n], end=end, gap=True)

@@ -88,7 +88,7 @@ def _delivered(
     steps = np.diff(stamps)
     if stamps[0] != 0 or (steps != steps[:1]).any():
         return None
-    if not _are_counts(published):
+    if not_counts(published).any():
         return None
     known = int(min(len(received.messages), published[-1]))
     delivered = stamps[np.searchsorted(published, np.arange(1, known + 1))]
@@ -96,7 +96,8 @@ def _delivered(
     return None if (delivered < sent).any() else delivered
 
 
-def _are_counts(published: npt.NDArray[np.float64]) -> bool:
-    """Whether these are whole numbers >= 0 that never decrease."""
-    whole = np.isfinite(published) & (np.floor(published) == published) & (published < MOST)
-    return bool(whole.all() and (np.diff(published, prepend=0.0) >= 0).all())
+def not_counts(published: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
+    """Mark what is no whole number >= 0, or less than the one before, shape (samples,)."""
+    before = np.concatenate(([0.0], published[:-1]))
+    whole = (published < MOST) & (np.floor(published) == published)
+    return np.logical_not(whole & (published >= before))
