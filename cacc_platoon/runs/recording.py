@@ -100,4 +100,5 @@ def not_counts(published: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
     """Mark what is no whole number >= 0, or less than the one before, shape (samples,)."""
     before = np.concatenate(([0.0], published[:-1]))
     whole = (published < MOST) & (np.floor(published) == published)
-    return np.logical_not(whole & (published >= before))
+    wrong: npt.NDArray[np.bool_] = np.logical_not(whole & (published >= before))
+    return wrong

@@ -6,9 +6,11 @@ import pytest
 from cacc_platoon.analysis import analyse, check_consistency
 from cacc_platoon.analysis.age import link_reception
 from cacc_platoon.bags.rows import TopicRows
+from cacc_platoon.model import ComposedChannel
 from cacc_platoon.runs.recorded_run import read_run
+from cacc_platoon.runs.recording import recording_of, with_deliveries
 from cacc_platoon.simulation import simulate
-from msg_adapters.topics import VehicleTopics
+from msg_adapters.topics import Graph, VehicleTopics
 
 SECOND = VehicleTopics("/platoon", 2)
 RECEIVED, COUNTS = SECOND.received.name, SECOND.complete.name
@@ -157,3 +159,20 @@ def test_damaged_counts(bags, tmp_path, lossy, value):
     run = read_run(bags.bag(tmp_path / "bag", lossy, damaged))
     assert any(COUNTS in line for line in run.findings)
     assert np.isfinite(run.trajectory.received).all()
+
+
+def test_late_packets_of_a_recording_that_begins_late_are_not_paired(lossy):
+    """Each is delivered after it was sent, whatever count it is given."""
+
+    class Late:
+        prompt, longest_delay = False, 60
+
+        def apply(self, packets):
+            return packets._replace(delay=packets.delay + 60)
+
+    whole = recording_of(simulate(lossy, channel=lambda _: ComposedChannel([Late()])))
+    graph = Graph.of(lossy)
+    assert with_deliveries(whole, graph)[RECEIVED].delivered is not None
+    cut = changed(whole, accel=np.arange(20, 241), complete=np.arange(80, 301))
+    cut[RECEIVED] = cut[RECEIVED]._replace(delivered=None)
+    assert with_deliveries(cut, graph)[RECEIVED].delivered is None
