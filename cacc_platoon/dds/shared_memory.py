@@ -25,12 +25,9 @@ _MAPS = Path("/proc/self/maps")
 
 def used_segments() -> set[str]:
     """Return the names of the Fast DDS segments and ports that this process owns or sends to."""
-    paths = (Path(line.split(maxsplit=5)[-1]) for line in _MAPS.read_text().splitlines())
-    return {
-        path.name
-        for path in paths
-        if path.parent == SHARED_MEMORY and path.name.startswith(_PREFIXES)
-    }
+    folder = f" {SHARED_MEMORY}/"
+    names = (line.partition(folder)[2] for line in _MAPS.read_text().splitlines())
+    return {name for name in names if name.startswith(_PREFIXES)}
 
 
 def note_segments() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 from geometry_msgs.msg import AccelStamped, PoseStamped, TwistStamped, Vector3Stamped
 from rclpy.node import Node
@@ -94,33 +93,27 @@ class PlatoonNode(Node):  # type: ignore[misc]
         return send
 
     def follow_stream(self, topic: Topic, take: Callable[[int, float], None]) -> None:
-        """Call `take` with stamp [ns] and x of every message of a topic."""
-        decode = topic.codec.decode
+        """Call `take` with stamp [ns] and x of every message of a topic.
+
+        The first failure of the node is noted; from then on it is deaf.
+        """
+        decode, failures = topic.codec.decode, self.failures
 
         def receive(data: bytes) -> None:
-            try:
-                stamp, value = decode(data)
-            except LayoutError as error:
-                raise LockstepError(
-                    f"{topic.name}: a message {error} (frame_id must be {topic.frame_id}): it "
-                    "comes from another publisher"
-                ) from error
-            take(stamp, value)
-
-        message_type = MESSAGE_TYPES[topic.kind.type_name]
-        profile = qos.stream(self.scenario)
-        self.create_subscription(message_type, topic.name, self.guarded(receive), profile, raw=True)
-
-    def guarded(self, receive: Callable[[Any], None]) -> Callable[[Any], None]:
-        """Return a callback that notes the first failure and is deaf from then on."""
-        failures = self.failures
-
-        def callback(message: Any) -> None:
             if failures:
                 return
             try:
-                receive(message)
+                stamp, value = decode(data)
+                take(stamp, value)
+            except LayoutError as error:
+                failures.append(
+                    f"{topic.name}: a message {error} (frame_id must be {topic.frame_id}): it "
+                    "comes from another publisher"
+                )
             except LockstepError as error:
                 failures.append(str(error))
 
-        return callback
+        message_type = MESSAGE_TYPES[topic.kind.type_name]
+        self.create_subscription(
+            message_type, topic.name, receive, qos.stream(self.scenario), raw=True
+        )

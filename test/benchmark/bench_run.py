@@ -6,7 +6,8 @@
 Prints the median, smallest and largest of several runs: real-time factor from the first to the
 last sample, time from the command to the first sample, vehicle-samples per second, and the CPU
 time of the command with its hosts, which a busy machine changes least. With --against both
-checkouts run in turn, and the ratio of each pair follows.
+checkouts run in turn, and the ratio of each pair follows; --cpu 0 keeps everything on one
+processor, where pairs differ least.
 """
 
 import argparse
@@ -88,7 +89,10 @@ def main() -> None:
     parser.add_argument("--duration", type=float, default=100.0, help="simulated time [s]")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
     parser.add_argument("--against", type=Path, help="another checkout, run in turn with this one")
+    parser.add_argument("--cpu", type=int, help="run everything on this processor alone")
     options = parser.parse_args()
+    if options.cpu is not None:
+        os.sched_setaffinity(0, {options.cpu})
     ctypes.CDLL(None).prctl(PR_SET_CHILD_SUBREAPER, 1)
     for followers in options.followers:
         for hosts in options.hosts:

@@ -135,7 +135,7 @@ def test_a_name_that_is_not_recommended_is_refused():
 
 
 @given(st.lists(st.tuples(*[st.integers(0, 4)] * 3), min_size=1, max_size=40))
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=2 * settings().max_examples)
 def test_front_is_what_nobody_dominates(rows):
     costs = np.array(rows, dtype=float)
     expected = [

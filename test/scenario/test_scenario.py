@@ -336,7 +336,7 @@ common_values = st.fixed_dictionaries(
 )
 
 
-@settings(max_examples=150)
+@settings(max_examples=3 * settings().max_examples // 2)
 @given(common=common_values, own=st.dictionaries(st.integers(1, 5), own_values, max_size=3))
 def test_a_written_scenario_reads_back_the_same(common, own):
     scenario = Scenario.from_values(common, own, source="written.yaml")

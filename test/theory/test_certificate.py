@@ -131,7 +131,7 @@ def test_a_loop_that_no_period_keeps_is_no_matter_of_sampling():
 @given(
     st.floats(0.3, 3), st.floats(0, 0.8), st.floats(0.05, 2), st.floats(1e-3, 2), st.floats(0, 1)
 )
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=2 * settings().max_examples)
 def test_with_losses_it_agrees_with_the_theory_of_packet_loss(h, k_a, k_v, k_p, reception):
     gains = Gains(h, k_a, k_v, k_p)
     certificate = certify(gains, 5.0, 0.5, reception=reception)

@@ -51,7 +51,7 @@ def magnitudes(gains, tau, k):
 
 
 @given(GAINS, TAUS, st.floats(0.0, 1.2))
-@settings(max_examples=1500, deadline=None)
+@settings(max_examples=15 * settings().max_examples)
 @example(A, 0.5, 0.4)
 @example(A, 0.5, 0.6)
 def test_verdict_has_a_witness_or_survives_every_frequency(gains, tau, k):
@@ -73,7 +73,7 @@ def test_verdict_has_a_witness_or_survives_every_frequency(gains, tau, k):
 
 
 @given(GAINS, TAUS, RHOS, st.floats(0.01, 1), st.floats(0, 1))
-@settings(max_examples=1500, deadline=None)
+@settings(max_examples=15 * settings().max_examples)
 def test_robust_verdict_holds_inside_and_fails_at_a_corner(gains, tau_max, rho, lag, place):
     low, high = (1 - 1 / rho) * gains.k_a, (1 + 1 / rho) * gains.k_a
     if is_robustly_string_stable(gains, rho, tau_max):
@@ -86,7 +86,7 @@ def test_robust_verdict_holds_inside_and_fails_at_a_corner(gains, tau_max, rho, 
 
 
 @given(GAINS, TAUS, RHOS)
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=3 * settings().max_examples)
 def test_worst_gain_is_the_worst_of_a_grid_of_lags_and_gains(gains, tau_max, rho):
     worst = worst_l2_gain(gains, rho, tau_max).gain
     low, high = (1 - 1 / rho) * gains.k_a, (1 + 1 / rho) * gains.k_a
@@ -230,13 +230,12 @@ def test_two_zeros_close_together_are_both_found():
 
 
 @given(GAINS, TAUS, st.floats(0.0, 1.0))
-@settings(max_examples=100, deadline=None)
 def test_l_infinity_gain_is_at_least_the_l2_gain(gains, tau, k):
     assert linf_gain(gains, tau, k) >= l2_gain(gains, tau, k).gain * (1 - 1e-10)
 
 
 @given(st.floats(-1e-7, 1e-7), st.floats(-1e-7, 1e-7), st.floats(0, 1))
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 def test_poles_about_to_meet_do_not_shake_the_l1_norm(d_tau, d_gain, k):
     exact = linf_gain(Gains(0.9, 0.5, 0.7, 1 / 3), 1 / 3, k)
     near = linf_gain(Gains(0.9, 0.5, 0.7 + d_gain, 1 / 3), 1 / 3 + d_tau, k)
@@ -280,7 +279,7 @@ def test_edges_have_answers_without_nan_or_warning():
 
 
 @given(GAINS, TAUS, st.floats(1.0, 3.0, exclude_min=True))
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=3 * settings().max_examples)
 def test_no_gain_above_one_is_string_stable_at_any_lag(gains, tau, k):
     """Theorem 2(a), sharpened: one internally stable lag is enough."""
     assert not is_string_stable(gains, tau, k) or k < 1 + 1e-9

@@ -107,7 +107,7 @@ def test_lost_packets_enter_every_rule():
     st.sampled_from([1.5, 5.0, 100.0]),
     st.sampled_from([0.4, 1.0]),
 )
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=4 * settings().max_examples)
 def test_every_failure_is_explained_in_one_line_and_the_gains_it_offers_hold(gains, rho, reception):
     certificate = certify(gains, rho, 0.5, reception=reception)
     failure = explain_failure(certificate)
@@ -135,7 +135,7 @@ def test_every_failure_is_explained_in_one_line_and_the_gains_it_offers_hold(gai
     st.one_of(st.floats(0, 1), st.floats(-5, 0).map(math.exp)),
     st.floats(0.01, 1.0),
 )
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=3 * settings().max_examples)
 def test_what_is_advised_where_packets_are_held_certifies(  # noqa: PLR0917
     longer, k_a, k_p, place, period, held, less
 ):

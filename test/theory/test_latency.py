@@ -44,7 +44,7 @@ def designs(draw):
 
 
 @given(designs())
-@settings(max_examples=250, deadline=None)
+@settings(max_examples=5 * settings().max_examples // 2)
 def test_margin_holds_below_and_is_lost_above(design):
     gains, rho, tau_max = design
     assert is_robustly_string_stable(*design)
@@ -93,7 +93,7 @@ def test_case_a_with_a_pade_delay_of_python_control(share):
 
 
 @given(st.floats(0.05, 0.9), st.floats(1.5, 50), st.floats(0.0, 0.5))
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=3 * settings().max_examples // 2)
 def test_headway_rule_is_sufficient(share, rho, latency):
     k_a, tau_max = share * k_a_max(rho), 0.5
     headway = 1.02 * headway_for_latency(k_a, rho, tau_max, latency)

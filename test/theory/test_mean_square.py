@@ -115,7 +115,7 @@ def test_fair_bits_have_the_largest_variance():
 @given(
     st.floats(0.3, 2), st.floats(0.1, 2), st.floats(0.001, 2), st.floats(0.1, 1), st.floats(0, 1)
 )
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_h2_norm_against_python_control(h, k_v, k_p, tau, k):
     gains = Gains(h, k, k_v, k_p)
     norm = leader_error_norm(gains, tau, k)

@@ -41,7 +41,7 @@ def questions(draw):
 
 
 @given(questions(), st.floats(-7, 3), st.floats(-0.3, 1.3))
-@settings(max_examples=1500, deadline=None)
+@settings(max_examples=15 * settings().max_examples)
 def test_boundaries_agree_with_the_exact_test(question, log_k_p, place):
     k_a, headway, rho, tau_max = question
     k_p = math.exp(log_k_p) / tau_max**2
@@ -60,7 +60,7 @@ def test_boundaries_agree_with_the_exact_test(question, log_k_p, place):
 
 
 @given(questions(), st.integers(0, 2**32 - 1))
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=3 * settings().max_examples)
 def test_the_papers_region_lies_inside(question, seed):
     k_a, headway, rho, tau_max = question
     region = paper_region(*question)
@@ -118,7 +118,7 @@ def test_minimum_headway_is_attained_and_nothing_shorter_works():
 
 
 @given(st.floats(1.01, 1e3), st.floats(0.01, 3), st.floats(0, 0.99))
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=2 * settings().max_examples)
 def test_order_of_the_headways(rho, tau_max, share):
     k_a = share * k_a_max(rho)
     exact, paper = minimum_headway(k_a, rho, tau_max), headway_bound(k_a, rho, tau_max)
@@ -150,7 +150,7 @@ def test_smallest_k_p_grows_as_the_headway_shrinks_and_vanishes_at_the_papers_bo
 
 
 @given(questions(), st.floats(-5, 2), st.floats(0.01, 0.99))
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=3 * settings().max_examples)
 def test_tolerated_gains_are_exactly_the_stable_ones(question, log_k_p, place):
     k_a, headway, rho, tau_max = question
     k_p = math.exp(log_k_p) / tau_max**2

@@ -66,7 +66,7 @@ DESIGNS = st.tuples(
 
 
 @given(DESIGNS)
-@settings(max_examples=120, deadline=None)
+@settings(max_examples=2 * settings().max_examples // 2)
 def test_certificate_against_the_closed_loop_of_python_control(design):
     h, k_v, k_p, tau, k, period, stale = design
     gains = Gains(h, k, k_v, k_p)
@@ -88,7 +88,7 @@ def test_certificate_against_the_closed_loop_of_python_control(design):
 
 
 @given(DESIGNS, st.one_of(st.floats(0, 1), st.floats(-6, 0).map(math.exp)))
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=3 * settings().max_examples // 2)
 def test_held_packets_against_the_closed_loop_of_python_control(design, held):
     """Brute force over frequency, k filtered by p/(1 - (1 - p)/z) beside the loop."""
     h, k_v, k_p, tau, k, period, _ = design
@@ -125,7 +125,7 @@ def design_in_the_region(draw):
 
 
 @given(STABLE, st.floats(-4, 0).map(math.exp))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_critical_period_with_held_packets_is_the_first_loss(draw, held):
     """Every period below keeps string stability, just above it is lost."""
     gains, tau = design_in_the_region(draw)
@@ -139,7 +139,7 @@ def test_critical_period_with_held_packets_is_the_first_loss(draw, held):
 
 
 @given(STABLE, st.floats(-4, -1).map(math.exp))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_critical_loss_is_the_first_loss(draw, period):
     gains, tau = design_in_the_region(draw)
     most = critical_loss(gains, 5.0, tau, period)
@@ -171,7 +171,7 @@ def test_held_that_has_no_meaning_is_refused(change, words):
 
 
 @given(DESIGNS, st.floats(0.01, 1))
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 def test_coefficients_against_the_frequency_response(design, held):
     h, k_v, k_p, tau, k, period, stale = design
     known = {"stale": stale, "held": 1.0 if stale else held}
@@ -239,7 +239,7 @@ def test_worst_lag_of_a_fine_grid_is_not_worse():
 
 
 @given(st.floats(0.5, 1.5), st.floats(0.2, 1.5), st.floats(-4, 0).map(math.exp), st.floats(0, 0.9))
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=2 * settings().max_examples)
 def test_a_short_period_changes_nothing(h, k_v, k_p, k):
     gains = Gains(h, k, k_v, k_p)
     margin = l2_gain(gains, 0.5, k).gain

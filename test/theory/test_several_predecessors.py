@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from cacc_platoon.model import Gains
@@ -67,7 +67,6 @@ def test_bounds_for_several_predecessors(r):
 
 
 @given(st.floats(0, 1), st.floats(0.1, 0.8), st.floats(1.2, 50))
-@settings(max_examples=100, deadline=None)
 def test_lost_packets_widen_the_interval_and_lengthen_the_headway(p, share, rho):
     k_a = share * k_a_max(rho)
     low, high = reception_interval(k_a, rho, p)
