@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 from cacc_platoon.cli.console import libraries_on_stderr
 from cacc_platoon.cli.exit_codes import DONE, FAILED
 from cacc_platoon.cli.judge import add_verdict_arguments, conclude, warn_before
-from cacc_platoon.cli.progress import ProgressLine
+from cacc_platoon.cli.progress import Progress, ProgressLine
 from cacc_platoon.cli.ros import (
     add_verbose_argument,
     log_everything,
@@ -57,8 +58,15 @@ def run(options: argparse.Namespace) -> int:
     return run_and_judge(scenario, options.output, options)
 
 
-def run_and_judge(scenario: Scenario, output: Path | None, options: argparse.Namespace) -> int:
+def run_and_judge(
+    scenario: Scenario,
+    output: Path | None,
+    options: argparse.Namespace,
+    progress_of: Callable[..., Progress] = ProgressLine,
+) -> int:
     """Run a scenario on nodes and print the verdict; return the exit code.
+
+    `progress_of` makes what shows the progress, see `ProgressLine`.
 
     Raises
     ------
@@ -79,7 +87,7 @@ def run_and_judge(scenario: Scenario, output: Path | None, options: argparse.Nam
         warn_before(scenario)
         if options.verbose:
             log_everything()
-        with ProgressLine(scenario.run.step, shown=not options.verbose) as progress:
+        with progress_of(scenario.run.step, shown=not options.verbose) as progress:
             outcome = run_platoon(scenario, folder, progress, stop.received)
     if outcome.status is not EndStatus.FINISHED:
         print(f"platoon: {outcome.status}: {outcome.message}", file=sys.stderr)
@@ -91,6 +99,6 @@ def run_and_judge(scenario: Scenario, output: Path | None, options: argparse.Nam
     if options.no_report:
         return DONE
     stop.release()
-    with ProgressLine() as progress:
+    with progress_of() as progress:
         written = report_run(folder, progress)
     return conclude(written, options)

@@ -173,6 +173,18 @@ def _parse_setting(setting: str) -> tuple[str, Any]:
         ) from error
 
 
+def apply_settings(settings: Iterable[str], values: Values) -> None:
+    """Replace values by those of `key=value` texts, as `load_scenario` does.
+
+    Raises
+    ------
+    ScenarioError
+        For a text that is none.
+    """
+    for setting in settings:
+        _apply_setting(*_parse_setting(setting), values)
+
+
 def _apply_setting(name: str, value: Any, values: Values) -> None:
     vehicle, _, own = name.partition(".")
     index = vehicle_index(vehicle)
