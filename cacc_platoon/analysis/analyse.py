@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
 from cacc_platoon.analysis.consistency import Consistency, check_consistency
 from cacc_platoon.analysis.metrics import Metrics, compute_metrics
+from cacc_platoon.analysis.standing import Recomputation, Standing, recompute, standing_of
 from cacc_platoon.analysis.verdict import Verdict, judge
 from cacc_platoon.bags.raw import Progress
 from cacc_platoon.errors import UserError
@@ -39,9 +41,9 @@ class Report:
     expected : Metrics
         Of the expectation run.
     consistency : Consistency
-        Whether the recorded run obeys the equations of its scenario.
+        Whether the followers of the recorded run obey the equations of its scenario.
     verdict : Verdict
-        The judgement.
+        The judgement of the design.
     ensemble : Ensemble or None
         Many noisy runs of the scenario, when asked for.
     """
@@ -54,6 +56,26 @@ class Report:
     consistency: Consistency
     verdict: Verdict
     ensemble: Ensemble | None = None
+
+    @property
+    def headline(self) -> str:
+        """The verdict on the design and the standing of the data, in a few words."""
+        return f"{self.verdict.headline}, {self.standing.headline}"
+
+    @property
+    def proven(self) -> bool:
+        """Whether string stability is proven of a run whose data stand: what --check asks for."""
+        return self.verdict.certified and self.standing.stands
+
+    @cached_property
+    def recomputed(self) -> Recomputation:
+        """Whether the recorded run is what its scenario gives."""
+        return recompute(self.run.trajectory, self.consistency)
+
+    @cached_property
+    def standing(self) -> Standing:
+        """How the data stand."""
+        return standing_of(self.run, self.recomputed)
 
     @property
     def left_out(self) -> str:

@@ -45,7 +45,8 @@ def _parser(names: Sequence[str]) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="platoon",
         description="Choose, run, record and judge a platoon under noisy V2V communication.",
-        epilog="Exit codes: 0 done, 1 a run failed, 2 bad input, 3 not string stable (--check).",
+        epilog="Exit codes: 0 done, 1 a run failed, 2 bad input, 3 not proven string "
+        "stable, or not from complete and intact data (--check).",
     )
     parser.add_argument("--version", action="version", version=f"cacc_platoon {__version__}")
     verbs = parser.add_subparsers(required=True, metavar="VERB")

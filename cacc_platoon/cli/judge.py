@@ -17,7 +17,11 @@ if TYPE_CHECKING:
 def add_verdict_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare what these verbs share."""
     parser.add_argument("--json", action="store_true", help="print metrics.json and nothing else")
-    parser.add_argument("--check", action="store_true", help="exit 3 unless proven string stable")
+    parser.add_argument(
+        "--check",
+        action="store_true",
+        help="exit 3 unless proven string stable, from data that are complete and intact",
+    )
 
 
 def conclude(written: WrittenReport, options: argparse.Namespace) -> int:
@@ -31,7 +35,7 @@ def conclude(written: WrittenReport, options: argparse.Namespace) -> int:
     else:
         print(summary(report, metrics))
         print(f"  page   {report.folder / 'report.html'}")
-    return NOT_STRING_STABLE if options.check and not report.verdict.certified else DONE
+    return NOT_STRING_STABLE if options.check and not report.proven else DONE
 
 
 def warn_before(scenario: Scenario) -> None:

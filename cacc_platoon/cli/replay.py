@@ -197,6 +197,8 @@ def _answer(
     else:
         document = comparison_document(record)
         lines = [f"{document['messages']} messages identical{_until(record)}"]
+    if not record.standing.stands:
+        lines.append(f"{record.standing.headline}: {record.standing.line}")
     if options.output:
         _write(options.output, document, figure)
     return document, lines, code

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+from cacc_platoon.analysis import Standing, standing_of
 from cacc_platoon.bags.decode import Floats, rows_in_order_of_recording, rows_in_stamp_order
 from cacc_platoon.bags.raw import BagError, Bytes, Integers, Progress, RawTopic
 from cacc_platoon.bags.read import RawBag, read_bag
@@ -92,6 +94,11 @@ class NodeRecord:
     outputs: tuple[Stream, ...]
     samples: int
     notes: tuple[str, ...]
+
+    @cached_property
+    def standing(self) -> Standing:
+        """How the data of the run stand."""
+        return standing_of(self.run)
 
     @property
     def scenario(self) -> Scenario:

@@ -62,6 +62,7 @@ def _about(record: NodeRecord) -> dict[str, Any]:
         "samples": record.samples,
         "messages": sum(stream.count(record.samples) for stream in record.outputs),
         "notes": list(record.notes),
+        "standing": record.standing.to_json(),
     }
 
 

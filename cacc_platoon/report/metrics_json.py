@@ -13,6 +13,7 @@ from cacc_platoon.runs.folder import versions
 if TYPE_CHECKING:
     from cacc_platoon.analysis.age import LinkReception
     from cacc_platoon.analysis.analyse import Report
+    from cacc_platoon.analysis.consistency import Consistency
     from cacc_platoon.analysis.metrics import Metrics
     from cacc_platoon.analysis.noise import LinkNoise
     from cacc_platoon.analysis.verdict import FollowerVerdict, Verdict
@@ -30,6 +31,9 @@ def metrics_document(report: Report) -> dict[str, Any]:
         {
             "format": FORMAT.version,
             "scenario": scenario.name,
+            "headline": report.headline,
+            "proven": report.proven,
+            "standing": report.standing.to_json(),
             "followers": scenario.platoon.followers,
             "first_follower": scenario.platoon.first_follower,
             **_metrics(report.measured),
@@ -38,14 +42,9 @@ def metrics_document(report: Report) -> dict[str, Any]:
             "expected_without": report.run.trajectory.scenario.custom_code,
             "ensemble": _ensemble(report),
             "verdict": verdict_document(report.verdict),
-            "consistency": {
-                "steps": report.consistency.steps,
-                "largest_difference": report.consistency.largest,
-                "departures": [
-                    {"follower": follower, "time": time, "difference": deviation}
-                    for follower, time, deviation in report.consistency.departures
-                ],
-            },
+            "consistency": _consistency(report.consistency),
+            "leader_consistency": _consistency(report.recomputed.leader),
+            "link_consistency": _consistency(report.recomputed.links),
             "findings": list(run.findings),
             "provenance": {
                 "bag": run.bag.name,
@@ -65,6 +64,18 @@ def metrics_document(report: Report) -> dict[str, Any]:
         }
     )
     return plain
+
+
+def _consistency(found: Consistency) -> dict[str, Any]:
+    return {
+        "steps": found.steps,
+        "largest_difference": found.largest,
+        "departures": [
+            {"follower": vehicle, "time": time, "difference": difference}
+            for vehicle, time, difference in found.departures
+        ],
+        "unknown": found.unknown,
+    }
 
 
 def plain_values(value: Any) -> Any:

@@ -50,7 +50,7 @@ def render_page(
             *_numbers(report, metrics),
         )
     )
-    title = f"{report.verdict.headline}: {report.run.trajectory.scenario.name}"
+    title = f"{report.headline}: {report.run.trajectory.scenario.name}"
     return html_page(title, body, metrics)
 
 

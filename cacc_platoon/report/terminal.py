@@ -19,9 +19,10 @@ def summary(report: Report, metrics: dict[str, Any]) -> str:
     """Return the lines that `platoon run` and `platoon report` print."""
     scenario = report.run.trajectory.scenario
     lines = [
-        f"{report.verdict.headline}: {scenario.name}, {scenario.platoon.followers} followers, "
+        f"{report.headline}: {scenario.name}, {scenario.platoon.followers} followers, "
         f"{report.measured.duration:g} s",
         *_verdict_lines(report),
+        *_data_lines(report),
         "",
         *_error_table(report),
         "",
@@ -59,6 +60,12 @@ def _verdict_lines(report: Report) -> list[str]:
     lines += [f"  packet loss: {basis.text}" for basis in verdict.bases.losses]
     lines += [f"  VOID for this run: {reason}" for reason in verdict.void]
     return lines
+
+
+def _data_lines(report: Report) -> list[str]:
+    """Say how the data stand, and what no check has seen."""
+    standing = report.standing
+    return [f"  data: {standing.line}", *(f"  not checked: {one}" for one in standing.unchecked)]
 
 
 def _linf_of(report: Report) -> str:

@@ -14,6 +14,7 @@ from cacc_platoon.simulation import chance_deviation
 
 if TYPE_CHECKING:
     from cacc_platoon.analysis.analyse import Report
+    from cacc_platoon.analysis.consistency import Consistency
     from cacc_platoon.analysis.verdict import FollowerVerdict, Verdict
 
 
@@ -21,9 +22,10 @@ def verdict_section(report: Report, metrics: dict[str, Any]) -> str:
     """Return the verdict in a box, then the table of what it rests on."""
     verdict = report.verdict
     scenario = report.run.trajectory.scenario
-    kind = "good" if verdict.certified else "bad"
-    sign = "&#10003;" if verdict.certified else "&#10007;"
+    kind, sign = ("good", "&#10003;") if report.proven else ("bad", "&#10007;")
     lines = [f"<p>{html.escape(_meaning(report))}</p>"]
+    lines.append(f"<p><b>Data:</b> {html.escape(report.standing.line)}.</p>")
+    lines += [f"<p><b>Not checked:</b> {html.escape(w)}.</p>" for w in report.standing.unchecked]
     if collided := report.measured.first_collision:
         lines.append(
             f"<p><b>Collision</b> of vehicle {collided[0]} with the one ahead at "
@@ -31,7 +33,7 @@ def verdict_section(report: Report, metrics: dict[str, Any]) -> str:
         )
     lines += [f"<p><b>Void for this run:</b> {html.escape(why)}.</p>" for why in verdict.void]
     return (
-        f'<header class="verdict {kind}"><h1>{sign} {html.escape(verdict.headline.capitalize())}'
+        f'<header class="verdict {kind}"><h1>{sign} {html.escape(report.headline.capitalize())}'
         f"</h1><p><b>{html.escape(scenario.name)}</b>: {scenario.platoon.followers} followers, "
         f"{report.measured.duration:g} s, seed {scenario.run.seed}</p>{''.join(lines)}</header>\n"
         f"<h2>What the verdict rests on</h2>{_basis_table(report, metrics)}"
@@ -136,17 +138,37 @@ def _data_rows(report: Report, metrics: dict[str, Any]) -> Iterator[tuple[str, s
         "broken" if any(link.breaches for link in links) else kept,
         "1 - 1/rho <= w <= 1 + 1/rho at every sample of every link, checked in the data",
     )
-    largest, steps = report.consistency.largest, report.consistency.steps
-    obeyed = "to the last bit" if largest == 0.0 else f"within {largest:.2g}"
-    custom = "; those with a custom law are left out" if verdict.another_law else ""
-    yield (
-        "Followers obey their equations",
-        "no" if report.consistency.departures else obeyed if steps else "unknown",
-        "every recorded state against one step of plant and control law from the sample "
-        f"before{custom}",
-    )
+    for (question, basis), found in zip(_RECOMPUTED, report.recomputed, strict=True):
+        left_out = f"; not compared: {found.unknown}" if found.unknown else ""
+        yield question, _obeyed(found), f"{basis}{left_out}"
     if ensemble := metrics["ensemble"]:
         yield "Mean of noisy runs", *_agreement(ensemble)
+
+
+_RECOMPUTED = (
+    (
+        "The leader drives as its scenario says",
+        "its position, velocity and acceleration of every sample against its profile",
+    ),
+    (
+        "The links deliver what their channels give",
+        "every packet, when it arrived and its value, against what the channel makes of the "
+        "acceleration that was sent, for the run's seed",
+    ),
+    (
+        "Followers obey their equations",
+        "every recorded state against one step of plant and control law from the sample before",
+    ),
+)
+
+
+def _obeyed(found: Consistency) -> str:
+    if found.departures:
+        vehicle, time, _ = min(found.departures, key=lambda one: one[1])
+        return f"no, vehicle {vehicle} at {time:g} s"
+    if not found.steps:
+        return "unknown"
+    return "to the last bit" if found.largest == 0.0 else f"within {found.largest:.2g}"
 
 
 def _with_loss(one: FollowerVerdict) -> bool:

@@ -66,7 +66,8 @@ def summary(result: Reproduction) -> str:
         "".join(text.ljust(width + 2) for text, width in zip(row, widths, strict=True)).rstrip()
         for row in rows
     ]
-    return "\n".join([result.headline, "", *lines])
+    data = [f"data of case {name}: {one.line}" for name, one in result.unsound.items()]
+    return "\n".join([result.headline, *data, "", *lines])
 
 
 def write_reproduction(
@@ -112,6 +113,7 @@ def _page(result: Reproduction, figures: str) -> str:
         (
             name,
             report.run.info.status if report.run.info else "",
+            report.standing.line,
             report.run.messages,
             report.run.digest,
         )
@@ -124,6 +126,6 @@ def _page(result: Reproduction, figures: str) -> str:
         f"<h2>Paper says, we measured</h2>{text_table(heads, rows)}"
         f'<h2>Figures</h2><div class="grid">{figures}</div>'
         f"<h2>Where the paper slips</h2><ul>{slips}</ul>"
-        f"<h2>Runs</h2>{text_table(('case', 'status', 'messages', 'digest'), runs)}",
+        f"<h2>Runs</h2>{text_table(('case', 'status', 'data', 'messages', 'digest'), runs)}",
         document(result),
     )

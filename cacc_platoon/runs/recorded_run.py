@@ -57,6 +57,8 @@ class RecordedRun:
         Messages of the platoon.
     info : RunInfo or None
         What run.json says; None for a bag without a run folder, or a damaged one.
+    faults : tuple of str
+        Those of the findings that are about the platoon's messages.
     """
 
     bag: Path
@@ -68,6 +70,7 @@ class RecordedRun:
     digest_recorded: str
     messages: int
     info: RunInfo | None
+    faults: tuple[str, ...] = ()
 
 
 def read_run(
@@ -104,7 +107,9 @@ def read_run(
     notes = [*_unfinished(info), *raw.damage]
     scenario = identify(raw, folder, scenario, namespace, notes)
     graph = Graph.of(scenario)
+    before = len(notes)
     samples = _read_samples(raw, graph, scenario.step_ns, notes)
+    faults = notes[before:]
     found = run_digest(_Rows(raw, graph), graph)
     recorded = (info.digest if info else "") or raw.custom_data.get("digest", "")
     notes += _another_digest(found, recorded)
@@ -119,6 +124,7 @@ def read_run(
         recorded,
         samples.messages,
         info,
+        tuple(one_line(fault) for fault in faults),
     )
 
 

@@ -399,6 +399,18 @@ def test_what_if_nothing_had_changed(tmp_path):
     assert figure.startswith("<svg xmlns")
 
 
+def test_a_replay_tells_how_the_data_of_the_run_stand(tmp_path):
+    """All that this vehicle said is the same, and yet the run is not the one that was recorded."""
+    record = read_node(make_bag(tmp_path / "bag"), 2)
+    assert first_difference(record, answers(record)) is None
+    assert comparison_document(record)["standing"]["state"] == "intact"
+    run = dataclasses.replace(record.run, digest_recorded="1" * 64)
+    altered = dataclasses.replace(record, run=run)
+    assert first_difference(altered, answers(altered)) is None
+    assert comparison_document(altered)["standing"]["state"] == "altered"
+    assert not comparison_document(altered)["standing"]["stands"]
+
+
 def test_causes_begin_with_what_is_known(tmp_path):
     record = read_node(make_bag(tmp_path / "bag"), 2)
     assert "carries no digest" in possible_causes(record)[0]

@@ -12,12 +12,13 @@ from cacc_platoon.report import metrics_document, report_run, summary
 from cacc_platoon.report.tables import look_up
 from cacc_platoon.runs.folder import RunFolder
 from cacc_platoon.runs.parts import PartWriter
+from cacc_platoon.runs.recorded_run import read_run
 from cacc_platoon.runs.recording import recording_of
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import format_scenario
 from cacc_platoon.scenario.table import TABLE
 from cacc_platoon.simulation import simulate
-from msg_adapters.topics import Graph
+from msg_adapters.topics import Graph, VehicleTopics
 
 
 class Page(html.parser.HTMLParser):
@@ -161,6 +162,50 @@ def test_simulate_and_check(tmp_path, capsys, settings, check, code):
     assert info["hosts"] == []
     assert info["digest"] in out
     assert main(arguments) == 2  # never overwrites
+
+
+def alter(folder):
+    """Change one value in the bag of a run: the leader's last position, which enters no step."""
+    [file] = (folder / "bag").glob("*.mcap")
+    content = bytearray(file.read_bytes())
+    codec = VehicleTopics("/platoon", 0).pose.codec
+    trajectory = read_run(folder / "bag").trajectory
+    last = codec.encode(3_000_000_000, trajectory.position[-1, 0])
+    at = content.index(last)
+    content[at : at + len(last)] = codec.encode(3_000_000_000, trajectory.position[-1, 0] + 1.0)
+    file.write_bytes(content)
+
+
+def fail(folder):
+    """Let a run have failed."""
+    file = folder / "run.json"
+    file.write_text(file.read_text().replace('"finished"', '"failed"'))
+
+
+@pytest.mark.parametrize(
+    ("harm", "headline", "state"),
+    [
+        (lambda _: None, "STRING STABLE, DATA INTACT: ", "intact"),
+        (alter, "STRING STABLE, DATA ALTERED: ", "altered"),
+        (fail, "STRING STABLE, RUN FAILED: ", "failed"),
+    ],
+    ids=["whole", "altered", "failed"],
+)
+def test_the_headline_and_check_tell_of_design_and_data(run_folder, capsys, harm, headline, state):
+    harm(run_folder)
+    assert main(["report", str(run_folder), "--check"]) == (0 if state == "intact" else 3)
+    out = capsys.readouterr().out
+    assert out.startswith(headline)
+    assert "\n  data: " in out
+    metrics = json.loads((run_folder / "metrics.json").read_text())
+    assert metrics["verdict"]["certified"]
+    assert metrics["headline"] + ": " == headline
+    assert metrics["standing"]["state"] == state
+    assert metrics["proven"] == metrics["standing"]["stands"] == (state == "intact")
+    page = (run_folder / "report.html").read_text(encoding="utf-8")
+    assert ('class="verdict good"' if state == "intact" else 'class="verdict bad"') in page
+    assert f"{metrics['standing']['line']}." in page
+    assert main(["report", str(run_folder)]) == 0
 
 
 def test_killed_run_is_finished_first(tmp_path, scenario, capsys):

@@ -53,6 +53,17 @@ def test_every_statement_agrees(reports):
     }
 
 
+def test_the_paper_is_not_reproduced_from_data_that_do_not_stand(reports):
+    """The statements are the same; the run they are measured on is not the one that was made."""
+    altered = dataclasses.replace(reports["C"].run, digest_recorded="1" * 64)
+    result = reproduce({**reports, "C": dataclasses.replace(reports["C"], run=altered)})
+    assert all(claim.agrees for claim in result.claims)
+    assert not result.agrees
+    assert result.headline.endswith("statements of the paper agree, DATA ALTERED of case C")
+    assert "data of case C: the messages do not have the digest" in summary(result)
+    assert reproduce(reports).headline.endswith("statements of the paper agree")
+
+
 def test_claims_can_fail(reports):
     """With B's gains in the place of A's the statements about A do not hold."""
     wrong = {**reports, "A": reports["B"]}
