@@ -91,8 +91,8 @@ def end(event, context):
     """
     code = event.returncode if event.returncode >= 0 else 128 - event.returncode
     if code:
-        services = [task for task in asyncio.all_tasks() if SERVICE in repr(task.get_coro())]
-        if not services:
+        tasks = {getattr(t.get_coro(), "__qualname__", ""): t for t in asyncio.all_tasks()}
+        if SERVICE not in tasks:
             raise RuntimeError(f"the supervisor has ended with exit code {code}")
-        services[0].add_done_callback(lambda _: sys.exit(code))
+        tasks[SERVICE].add_done_callback(lambda _: sys.exit(code))
     return [Shutdown(reason="the run has ended")]

@@ -52,12 +52,23 @@ def load_scenario(path: str | Path, settings: Iterable[str] = ()) -> Scenario:
         When the file's format is newer than ours.
     """
     path = Path(path)
+    text = read_scenario(path)
+    return parse_scenario(text, source=str(path), folder=path.parent, settings=settings)
+
+
+def read_scenario(path: Path) -> str:
+    """Return the text of a scenario file.
+
+    Raises
+    ------
+    ScenarioError
+        When it cannot be read.
+    """
     try:
-        text = path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "is not a text file"
         raise ScenarioError(f"{path}: cannot be read: {reason}. Give a scenario file.") from error
-    return parse_scenario(text, source=str(path), folder=path.parent, settings=settings)
 
 
 def parameter_files(arguments: Sequence[str]) -> list[Path]:

@@ -23,6 +23,7 @@ from cacc_platoon.nodes.recorder import RecorderNode
 from cacc_platoon.nodes.ros_parameters import given_parameters, scenario_of
 from cacc_platoon.nodes.vehicle import VehicleNode
 from cacc_platoon.scenario import Follower
+from cacc_platoon.scenario.file import parameter_files, read_scenario
 from cacc_platoon.scenario.names import NodeKind, NodeName
 from cacc_platoon.stop_signal import StopSignal
 from cacc_platoon.supervision.host import POLL_PERIOD, serve
@@ -109,6 +110,8 @@ def asked_for_help(text: str) -> bool:
 def start(create: Callable[[], Made]) -> Made | None:
     """Start rclpy and make something of it; when that cannot be, say why in one line."""
     try:
+        for path in parameter_files(sys.argv):
+            read_scenario(path)  # rcl says it in two lines of its own
         if not rclpy.ok():
             rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         return create()

@@ -91,6 +91,23 @@ def test_a_misplaced_node_says_so_in_one_line_and_ends(workspace):
     assert "vehicle_<i>" in line
 
 
+@pytest.mark.parametrize("name", sorted(set(EXECUTABLES) - {"platoon"}))
+def test_a_missing_scenario_is_said_in_one_line_of_ours(workspace, name):
+    path = workspace / "install" / "cacc_platoon" / "lib" / "cacc_platoon" / name
+    answer = in_workspace(workspace, str(path), "--ros-args", "--params-file", "nowhere.yaml")
+    assert answer.returncode == 2
+    [line] = answer.stderr.splitlines()
+    assert line == "nowhere.yaml: cannot be read: No such file or directory. Give a scenario file."
+
+
+def test_what_is_installed_runs_by_the_python_that_built_it(workspace):
+    """README: an environment in which colcon was run is needed afterwards, too."""
+    folder = workspace / "install" / "cacc_platoon" / "lib" / "cacc_platoon"
+    for path in folder.iterdir():
+        assert path.read_text().splitlines()[0] == f"#!{sys.executable}"
+    assert (workspace / "install" / "setup.sh").is_file()
+
+
 MANUAL_PLATOON = """
 nodes="$1"; shift
 "$nodes/leader" --ros-args -r __ns:=/platoon/vehicle_0 "$@" &
