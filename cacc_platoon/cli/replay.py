@@ -197,7 +197,7 @@ def _answer(
     else:
         document = comparison_document(record)
         lines = [f"{document['messages']} messages identical{_until(record)}"]
-    if not record.standing.stands:
+    if code == DONE and not record.standing.stands:  # no good news without it
         lines.append(f"{record.standing.headline}: {record.standing.line}")
     if options.output:
         _write(options.output, document, figure)

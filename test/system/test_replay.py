@@ -104,6 +104,16 @@ def test_one_flipped_bit_is_found(recorded: Path, tmp_path: Path, topic: str, no
     assert result.stdout.count("\n") == 1
 
 
+def test_a_vehicle_of_an_altered_run_is_no_good_news_alone(recorded: Path, tmp_path: Path) -> None:
+    """The message that was altered is another vehicle's."""
+    copy = flipped(recorded, tmp_path / "copy", "/platoon/vehicle_3/accel", 345)
+    result = replay(copy, "--vehicle", 2)
+    assert result.returncode == 0, result.stderr
+    same, data = result.stdout.splitlines()
+    assert same == f"{3 * 601} messages identical"
+    assert data.startswith("DATA ALTERED: the messages do not have the digest that was written")
+
+
 def test_other_parameters_are_seen(recorded: Path, tmp_path: Path) -> None:
     scenario = tmp_path / "scenario.yaml"
     text = (recorded / "scenario.yaml").read_text()
