@@ -1,6 +1,8 @@
 """The standing of the data is told beside the verdict: any single value that is changed is seen."""
 
+import dataclasses
 import json
+import math
 import re
 
 import numpy as np
@@ -9,7 +11,7 @@ import pytest
 from cacc_platoon.analysis import DataState, analyse, check_consistency, check_leader, check_links
 from cacc_platoon.analysis.consistency import TOLERANCE
 from cacc_platoon.bags.digest import run_digest
-from cacc_platoon.simulation import simulate
+from cacc_platoon.simulation import Arrivals, simulate
 from msg_adapters.topics import Graph
 
 LAST = 300
@@ -116,6 +118,27 @@ def test_each_check_sees_its_own_topics(scenario):
     [(vehicle, time, difference)] = check_links(run).departures
     assert (vehicle, time) == (2, 3.0)
     assert difference == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize("harm", ["lost", "late", "invented"])
+def test_a_packet_that_arrives_otherwise_than_is_due_is_a_departure(bags, harm):
+    run = simulate(bags.scenario({"v2v.loss": 0.3}))
+    assert run.arrivals
+    first, link, *rest = run.arrivals
+    source, at = link.source, link.sample.copy()
+    if harm == "late":
+        at[100] += 1
+        other = link._replace(sample=at)
+    elif harm == "lost":
+        other = Arrivals(*(np.delete(part, 100) for part in link))
+    else:
+        gap = int(np.setdiff1d(np.arange(LAST), source)[0])
+        other = Arrivals(
+            *(np.append(part, new) for part, new in zip(link, (gap, gap, 0.1), strict=True))
+        )
+    harmed = dataclasses.replace(run, arrivals=(first, other, *rest))
+    [(vehicle, _, difference)] = check_links(harmed).departures
+    assert (vehicle, difference) == (2, math.inf)
 
 
 def test_rounding_is_no_departure(scenario):
