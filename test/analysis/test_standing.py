@@ -130,7 +130,7 @@ def test_a_packet_that_arrives_otherwise_than_is_due_is_a_departure(bags, harm):
         at[100] += 1
         other = link._replace(sample=at)
     elif harm == "lost":
-        other = Arrivals(*(np.delete(part, 100) for part in link))
+        other = Arrivals(np.delete(source, 100), np.delete(at, 100), np.delete(link.value, 100))
     else:
         gap = int(np.setdiff1d(np.arange(LAST), source)[0])
         other = Arrivals(
