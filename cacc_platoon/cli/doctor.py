@@ -15,7 +15,9 @@ from typing import NamedTuple
 
 from cacc_platoon import __version__
 from cacc_platoon.cli.exit_codes import DONE, FAILED
-from cacc_platoon.dds.environment import prefer_local
+from cacc_platoon.dds.environment import RANGE, is_local, set_up
+from cacc_platoon.dds.shared_memory import sweep
+from cacc_platoon.errors import UserError
 
 LIBRARIES = ("numpy", "rosbags", "ruamel.yaml", "matplotlib")
 ENVIRONMENT = (
@@ -47,6 +49,7 @@ def run(options: argparse.Namespace) -> int:
         _python,
         *(lambda name=name: _library(name) for name in LIBRARIES),
         _rclpy,
+        _network,
         _discovery,
         _shared_memory,
         _disk,
@@ -89,13 +92,29 @@ def _rclpy() -> Finding:
     )
 
 
+def _network() -> Finding:
+    """Say from where nodes can be reached."""
+    try:
+        lines = set_up(os.environ)
+    except UserError as error:
+        return Finding("network", False, str(error))
+    where = (
+        "nodes can be reached from this machine alone"
+        if is_local(os.environ)
+        else f"nodes can be reached from other machines, as {RANGE} or a profile of yours says"
+    )
+    return Finding("network", not lines, "; ".join([where, *lines]))
+
+
 def _discovery() -> Finding:
     """Let two processes exchange a message over DDS."""
-    prefer_local(os.environ)
     try:
+        set_up(os.environ)
         from cacc_platoon.supervision.round_trip import measure_round_trip  # noqa: PLC0415
     except ImportError:
         return Finding("DDS", False, "not tried without rclpy")
+    except UserError:
+        return Finding("DDS", False, "not tried in a domain that there is not")
     seconds = measure_round_trip(timeout=10.0)
     if seconds is None:
         return Finding(
@@ -108,13 +127,9 @@ def _discovery() -> Finding:
 
 
 def _shared_memory() -> Finding:
-    try:
-        from cacc_platoon.dds.shared_memory import sweep  # noqa: PLC0415
-    except ImportError:
-        return Finding("shared memory", True, "not used without rclpy")
-    removed = sweep()
+    removed, broken = sweep()
     text = f"removed {len(removed)} leftovers of killed runs" if removed else "no leftovers"
-    return Finding("shared memory", True, text)
+    return Finding("shared memory", not broken, "; ".join([text, *broken]))
 
 
 def _disk() -> Finding:
