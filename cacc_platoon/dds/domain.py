@@ -27,7 +27,7 @@ def check_domain(environment: Mapping[str, str]) -> None:
     if not (text.isascii() and text.isdigit() and len(text) <= 6 and int(text) <= HIGHEST):
         raise UserError(
             f"ROS_DOMAIN_ID = {text[:40]!r} is no DDS domain, a number from 0 to {HIGHEST}: nodes "
-            "would have no ports. Set it to a number from 0 to 101, which other programs leave free."
+            "would have no ports. Set it to a number from 0 to 101, clear of other programs' ports."
         )
 
 

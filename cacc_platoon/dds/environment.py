@@ -42,8 +42,8 @@ def set_up(environment: MutableMapping[str, str]) -> list[str]:
     lines = [unusable_folder()]
     if is_local(environment) and environment.get("ROS_STATIC_PEERS"):
         lines.append(
-            f"ROS_STATIC_PEERS = {environment['ROS_STATIC_PEERS'][:80]} has no effect: DDS stays on "
-            f"this machine. Set {RANGE}=SUBNET to reach others, and to be reached by them."
+            f"ROS_STATIC_PEERS = {environment['ROS_STATIC_PEERS'][:80]} has no effect: DDS stays "
+            f"on this machine. Set {RANGE}=SUBNET to reach others, and to be reached by them."
         )
     if _arranged_by_us(environment) and not _shared_memory_suffices():
         lines.append(

@@ -8,9 +8,9 @@ what belongs to this user and no living process has locked.
 
 from __future__ import annotations
 
-import atexit
 import contextlib
 import fcntl
+import functools
 import json
 import logging
 import os
@@ -20,6 +20,7 @@ import stat
 import tempfile
 import time
 from collections.abc import Iterable, Iterator
+from multiprocessing.util import Finalize
 from pathlib import Path
 from typing import NamedTuple
 
@@ -39,6 +40,7 @@ _PORT = "_port"
 _NOTE = "note.json"
 _LONGEST_NOTE = 2**20
 _LONGEST_SOCKET = 107 - len("/pymp-12345678/sock-12345678")
+_AFTER_THEIRS = -200  # multiprocessing removes its own at -100 and complains if they are gone
 _LOG = logging.getLogger("cacc_platoon.dds")
 
 
@@ -113,7 +115,8 @@ def own_temporary_files() -> Iterator[None]:
     if folder and len(os.fsencode(folder)) <= _LONGEST_SOCKET:
         with contextlib.suppress(OSError):
             folder.mkdir(mode=0o700, exist_ok=True)
-            atexit.register(shutil.rmtree, folder, ignore_errors=True)
+            remove = functools.partial(shutil.rmtree, ignore_errors=True)
+            Finalize(None, remove, (folder,), exitpriority=_AFTER_THEIRS)
             before, tempfile.tempdir = tempfile.tempdir, str(folder)
             try:
                 yield
@@ -194,18 +197,18 @@ def _born(since: float) -> set[str]:
 
 def _files() -> Iterator[tuple[str, float]]:
     """Yield the segments and ports of this user, and when each was made."""
-    for name in os.listdir(SHARED_MEMORY) if SHARED_MEMORY.is_dir() else ():
-        found = _own(SHARED_MEMORY / name) if _FILE.fullmatch(name) else None
+    for path in SHARED_MEMORY.iterdir():
+        found = _own(path) if _FILE.fullmatch(path.name) else None
         if found:
-            yield name, found.st_mtime
+            yield path.name, found.st_mtime
 
 
 def _in_use() -> set[str]:
     """Return what the living have in their memory, as far as we may see."""
     used: set[str] = set()
-    for pid in filter(str.isdigit, os.listdir("/proc")):
+    for process in Path("/proc").glob("[0-9]*"):
         with contextlib.suppress(OSError):
-            used |= used_segments(pid)
+            used |= used_segments(process.name)
     return used
 
 
