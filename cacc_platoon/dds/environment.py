@@ -6,12 +6,14 @@ ROS_AUTOMATIC_DISCOVERY_RANGE to SUBNET opens them to the network, as it does fo
 
 from __future__ import annotations
 
+import socket
 from collections.abc import Mapping, MutableMapping
 from pathlib import Path
 
 from cacc_platoon.dds import shared_memory
 from cacc_platoon.dds.domain import check_domain
 from cacc_platoon.dds.own_folder import unusable_folder
+from cacc_platoon.errors import UserError
 
 RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 LOCALHOST = "LOCALHOST"
@@ -39,6 +41,8 @@ def set_up(environment: MutableMapping[str, str]) -> list[str]:
     """
     check_domain(environment)
     prefer_local(environment)
+    if is_local(environment):
+        _check_loopback()
     lines = [unusable_folder()]
     if is_local(environment) and environment.get("ROS_STATIC_PEERS"):
         lines.append(
@@ -87,6 +91,18 @@ def _arranged_by_us(environment: Mapping[str, str]) -> bool:
         and environment.get(TRANSPORTS, "") in ("", "DEFAULT", "UDPv4")
         and environment.get("RMW_IMPLEMENTATION", "") in FAST_DDS
     )
+
+
+def _check_loopback() -> None:
+    """Refuse to start where nothing that is sent to this machine can arrive."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect(("127.0.0.1", 9))  # asks for the way; nothing is sent
+        except OSError as error:
+            raise UserError(
+                f"127.0.0.1 cannot be reached ({error.strerror}): nodes would not find each other. "
+                "Bring the loopback interface up: ip link set lo up."
+            ) from error
 
 
 def _shared_memory_suffices() -> bool:

@@ -1,4 +1,4 @@
-"""How DDS is set up: closed by default, opened by one variable, left alone where the user has a say."""
+"""How DDS is set up: closed by default, opened by one variable, left to the user who has a say."""
 
 import xml.etree.ElementTree as ET
 from pathlib import Path
