@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from cacc_platoon import __version__
 from cacc_platoon.cli.exit_codes import DONE, FAILED
-from cacc_platoon.dds.environment import RANGE, is_local, set_up
+from cacc_platoon.dds.environment import RANGE, check_loading, is_local, set_up
 from cacc_platoon.dds.shared_memory import sweep
 from cacc_platoon.errors import UserError
 
@@ -80,10 +80,13 @@ def _library(name: str) -> Finding:
 
 def _rclpy() -> Finding:
     try:
+        check_loading()
         import rclpy  # noqa: PLC0415, F401  (that is the question)
         from rclpy.utilities import get_rmw_implementation_identifier  # noqa: PLC0415
 
         from cacc_platoon.nodes.executor import create_executor  # noqa: PLC0415, F401
+    except UserError as error:
+        return Finding("rclpy", False, str(error))
     except ImportError as error:
         return Finding("rclpy", False, f"{error}; source ROS 2 Jazzy or see Install in the README")
     settings = ", ".join(f"{name}={os.environ[name]}" for name in ENVIRONMENT if name in os.environ)
@@ -110,11 +113,12 @@ def _discovery() -> Finding:
     """Let two processes exchange a message over DDS."""
     try:
         set_up(os.environ)
+        check_loading()
         from cacc_platoon.supervision.round_trip import measure_round_trip  # noqa: PLC0415
     except ImportError:
         return Finding("DDS", False, "not tried without rclpy")
     except UserError:
-        return Finding("DDS", False, "not tried in a domain that there is not")
+        return Finding("DDS", False, "not tried, see above")
     seconds = measure_round_trip(timeout=10.0)
     if seconds is None:
         return Finding(

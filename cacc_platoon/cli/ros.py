@@ -8,7 +8,7 @@ import signal
 import sys
 
 from cacc_platoon.cli.console import libraries_on_stderr
-from cacc_platoon.dds.environment import set_up
+from cacc_platoon.dds.environment import check_loading, set_up
 from cacc_platoon.errors import UserError
 from cacc_platoon.stop_signal import StopSignal
 
@@ -28,8 +28,9 @@ def require_ros(verb: str, without_ros: str) -> None:
     Raises
     ------
     UserError
-        When a package of ROS cannot be imported.
+        When a package of ROS cannot be loaded.
     """
+    check_loading()
     try:
         from cacc_platoon.supervision import launcher  # noqa: PLC0415, F401  (that is the question)
     except ModuleNotFoundError as error:

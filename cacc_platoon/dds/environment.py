@@ -7,6 +7,8 @@ ROS_AUTOMATIC_DISCOVERY_RANGE to SUBNET opens them to the network, as it does fo
 from __future__ import annotations
 
 import socket
+import subprocess
+import sys
 from collections.abc import Mapping, MutableMapping
 from pathlib import Path
 
@@ -27,6 +29,7 @@ LOOPBACK = _FOLDER / "loopback.xml"
 LOOPBACK_UDP = _FOLDER / "loopback_udp.xml"
 _OURS = {str(profile) for profile in (OPEN, LOOPBACK, LOOPBACK_UDP)}
 
+_PAGES = 64 * 2**10
 _PROFILE_DECIDES = "SYSTEM_DEFAULT"
 """The only range at which rmw_fastrtps adds no transport that receives on every interface."""
 
@@ -55,6 +58,27 @@ def set_up(environment: MutableMapping[str, str]) -> list[str]:
             "nodes use UDP alone, which is slower. Make it larger, in a container with --shm-size."
         )
     return [line for line in lines if line]
+
+
+def check_loading() -> None:
+    """Refuse to load ROS where that ends the process: its libraries use shared memory, too.
+
+    Raises
+    ------
+    UserError
+        When shared memory is full and a process that tries it dies.
+    """
+    free = shared_memory.free_memory()
+    if free is not None and free < _PAGES and _load_fails():
+        raise UserError(
+            "/dev/shm is full: ROS cannot be loaded, its libraries use some pages of it. Remove "
+            "what fills it, or make it larger, in a container with --shm-size."
+        )
+
+
+def _load_fails() -> bool:
+    command = [sys.executable, "-c", "import rclpy"]
+    return subprocess.run(command, capture_output=True, check=False).returncode < 0
 
 
 def prefer_local(environment: MutableMapping[str, str]) -> None:
@@ -94,14 +118,18 @@ def _arranged_by_us(environment: Mapping[str, str]) -> bool:
 
 
 def _check_loopback() -> None:
-    """Refuse to start where nothing that is sent to this machine can arrive."""
+    """Refuse to start where nothing that is sent to this machine arrives."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.settimeout(1.0)
         try:
-            probe.connect(("127.0.0.1", 9))  # asks for the way; nothing is sent
+            probe.bind(("127.0.0.1", 0))
+            probe.connect(probe.getsockname())
+            probe.send(b"?")
+            probe.recv(1)
         except OSError as error:
             raise UserError(
-                f"127.0.0.1 cannot be reached ({error.strerror}): nodes would not find each other. "
-                "Bring the loopback interface up: ip link set lo up."
+                f"127.0.0.1 cannot be reached ({error.strerror or error}): nodes would not find each "
+                "other. Bring the loopback interface up: ip link set lo up."
             ) from error
 
 
