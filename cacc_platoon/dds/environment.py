@@ -128,8 +128,8 @@ def _check_loopback() -> None:
             probe.recv(1)
         except OSError as error:
             raise UserError(
-                f"127.0.0.1 cannot be reached ({error.strerror or error}): nodes would not find each "
-                "other. Bring the loopback interface up: ip link set lo up."
+                f"127.0.0.1 cannot be reached ({error.strerror or error}): nodes would not find "
+                "each other. Bring the loopback interface up: ip link set lo up."
             ) from error
 
 

@@ -80,9 +80,13 @@ class Machine:
         for machine, address in ((self, HERE), (other, ELSEWHERE)):
             machine.run("ip", "address", "add", f"{address}/24", "dev", "cable")
             machine.run("ip", "link", "set", "cable", "up")
-        for machine in (self, other):  # DDS leaves out what is not up when it starts
-            wait(lambda at=machine: " UP " in at.run("ip", "-br", "link"), "the cable")
+        for machine in (self, other):
+            machine.wait_cable()
         return other
+
+    def wait_cable(self) -> None:
+        """Wait until the network is up: DDS leaves out what is not when it starts."""
+        wait(lambda: " UP " in self.run("ip", "-br", "link", "show", "cable"), "the cable")
 
     def end(self) -> None:
         """End the machine; its network goes with it."""
@@ -245,7 +249,7 @@ def test_a_platoon_is_reached_from_elsewhere_only_when_opened(
     assert processes[0].wait(PATIENCE) == 130
     info = RunInfo.read(run)
     assert info is not None
-    assert info.samples > 0, info.message
+    assert info.samples, info.message
 
 
 @pytest.mark.parametrize("memory", ["64k", "4m"])
