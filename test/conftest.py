@@ -37,6 +37,7 @@ settings.load_profile("project")
 
 _home = tempfile.TemporaryDirectory(prefix="cacc_platoon_test_", ignore_cleanup_errors=True)
 os.environ["ROS_LOG_DIR"] = _home.name
+os.environ["XDG_RUNTIME_DIR"] = _home.name
 os.environ["MPLCONFIGDIR"] = _home.name
 os.environ["MPLBACKEND"] = "agg"
 os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"

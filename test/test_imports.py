@@ -28,7 +28,7 @@ ROOMS = {
     "errors": Room(set(), set()),
     "formats": Room({"errors"}, set()),
     "stop_signal": Room(set(), set()),
-    "dds": Room(set(), set()),
+    "dds": Room({"errors"}, set()),
     "model": Room({"errors"}, {"numpy"}),
     "theory": Room(MODEL, {"numpy"}),
     "scenario": Room({*MODEL, "formats"}, {"numpy", "ruamel"}),

@@ -15,7 +15,9 @@ from typing import NamedTuple
 
 from cacc_platoon import __version__
 from cacc_platoon.cli.exit_codes import DONE, FAILED
-from cacc_platoon.dds.environment import prefer_local
+from cacc_platoon.dds.environment import RANGE, check_loading, is_local, set_up
+from cacc_platoon.dds.shared_memory import sweep
+from cacc_platoon.errors import UserError
 
 LIBRARIES = ("numpy", "rosbags", "ruamel.yaml", "matplotlib")
 ENVIRONMENT = (
@@ -47,6 +49,7 @@ def run(options: argparse.Namespace) -> int:
         _python,
         *(lambda name=name: _library(name) for name in LIBRARIES),
         _rclpy,
+        _network,
         _discovery,
         _shared_memory,
         _disk,
@@ -77,10 +80,13 @@ def _library(name: str) -> Finding:
 
 def _rclpy() -> Finding:
     try:
+        check_loading()
         import rclpy  # noqa: PLC0415, F401  (that is the question)
         from rclpy.utilities import get_rmw_implementation_identifier  # noqa: PLC0415
 
         from cacc_platoon.nodes.executor import create_executor  # noqa: PLC0415, F401
+    except UserError as error:
+        return Finding("rclpy", False, str(error))
     except ImportError as error:
         return Finding("rclpy", False, f"{error}; source ROS 2 Jazzy or see Install in the README")
     settings = ", ".join(f"{name}={os.environ[name]}" for name in ENVIRONMENT if name in os.environ)
@@ -89,13 +95,30 @@ def _rclpy() -> Finding:
     )
 
 
+def _network() -> Finding:
+    """Say from where nodes can be reached."""
+    try:
+        lines = set_up(os.environ)
+    except UserError as error:
+        return Finding("network", False, str(error))
+    where = (
+        "nodes can be reached from this machine alone"
+        if is_local(os.environ)
+        else f"nodes can be reached from other machines, as {RANGE} or a profile of yours says"
+    )
+    return Finding("network", not lines, "; ".join([where, *lines]))
+
+
 def _discovery() -> Finding:
     """Let two processes exchange a message over DDS."""
-    prefer_local(os.environ)
     try:
+        set_up(os.environ)
+        check_loading()
         from cacc_platoon.supervision.round_trip import measure_round_trip  # noqa: PLC0415
     except ImportError:
         return Finding("DDS", False, "not tried without rclpy")
+    except UserError:
+        return Finding("DDS", False, "not tried, see above")
     seconds = measure_round_trip(timeout=10.0)
     if seconds is None:
         return Finding(
@@ -108,13 +131,9 @@ def _discovery() -> Finding:
 
 
 def _shared_memory() -> Finding:
-    try:
-        from cacc_platoon.dds.shared_memory import sweep  # noqa: PLC0415
-    except ImportError:
-        return Finding("shared memory", True, "not used without rclpy")
-    removed = sweep()
+    removed, broken = sweep()
     text = f"removed {len(removed)} leftovers of killed runs" if removed else "no leftovers"
-    return Finding("shared memory", True, text)
+    return Finding("shared memory", not broken, "; ".join([text, *broken]))
 
 
 def _disk() -> Finding:

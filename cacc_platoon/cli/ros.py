@@ -5,9 +5,10 @@ from __future__ import annotations
 import argparse
 import os
 import signal
+import sys
 
 from cacc_platoon.cli.console import libraries_on_stderr
-from cacc_platoon.dds.environment import prefer_local
+from cacc_platoon.dds.environment import check_loading, set_up
 from cacc_platoon.errors import UserError
 from cacc_platoon.stop_signal import StopSignal
 
@@ -27,8 +28,9 @@ def require_ros(verb: str, without_ros: str) -> None:
     Raises
     ------
     UserError
-        When a package of ROS cannot be imported.
+        When a package of ROS cannot be loaded.
     """
+    check_loading()
     try:
         from cacc_platoon.supervision import launcher  # noqa: PLC0415, F401  (that is the question)
     except ModuleNotFoundError as error:
@@ -40,16 +42,21 @@ def require_ros(verb: str, without_ros: str) -> None:
         ) from error
 
 
-def prepare_nodes(local: bool = True) -> StopSignal:
+def prepare_nodes() -> StopSignal:
     """Begin to load what hosts need; from now on signals end the run cleanly.
 
-    Processes of hosts begin with the environment as it is now. DDS stays on this machine when
-    `local`, unless the environment says otherwise.
+    Processes of hosts begin with the environment as it is now. DDS stays on this machine unless
+    the environment says otherwise.
+
+    Raises
+    ------
+    UserError
+        When DDS cannot start in this environment.
     """
     from cacc_platoon.supervision import launcher  # noqa: PLC0415  (needs ROS)
 
-    if local:
-        prefer_local(os.environ)
+    for line in set_up(os.environ):
+        print(f"platoon: warning: {line}", file=sys.stderr)
     stop = StopSignal(signal.SIGINT, signal.SIGTERM, insist=True)
     with libraries_on_stderr():
         launcher.prepare()

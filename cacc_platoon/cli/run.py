@@ -78,7 +78,7 @@ def run_and_judge(
     given = output or (Path(scenario.record.directory) if scenario.record.directory else None)
     folder = given or default_run_folder(scenario)
     require_ros("run", "platoon simulate runs the same scenario")
-    stop = prepare_nodes(local=scenario.run.spawn)
+    stop = prepare_nodes()
     with libraries_on_stderr():
         from cacc_platoon.report import report_run  # noqa: PLC0415  (heavy)
         from cacc_platoon.runs.info import EndStatus  # noqa: PLC0415

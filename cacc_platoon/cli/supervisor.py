@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 from cacc_platoon.cli.exit_codes import BAD_INPUT, DONE
 from cacc_platoon.cli.progress import ProgressLog
 from cacc_platoon.cli.run import run_and_judge
+from cacc_platoon.dds.environment import check_loading
 from cacc_platoon.errors import UserError
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import apply_settings, load_scenario, parameter_files
@@ -78,6 +79,7 @@ def _scenario(arguments: Sequence[str]) -> Scenario:
         name, folder = scenario.name, path.parent
         for index, section in scenario.overrides.items():
             values.overrides.setdefault(index, {}).update(section)
+    check_loading()
     from rclpy.utilities import remove_ros_args  # noqa: PLC0415  (needs ROS)
 
     from cacc_platoon.supervision.entry_points import supervisor_parameters  # noqa: PLC0415

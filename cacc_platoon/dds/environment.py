@@ -1,16 +1,142 @@
-"""How DDS is set up for the processes that we start, where the user has not set it up."""
+"""How DDS is set up for this process and those that it starts, where the user has not set it up.
+
+By default nodes receive on the loopback interface and through shared memory alone. Setting
+ROS_AUTOMATIC_DISCOVERY_RANGE to SUBNET opens them to the network, as it does for all of ROS.
+"""
 
 from __future__ import annotations
 
-from collections.abc import MutableMapping
+import socket
+import subprocess
+import sys
+from collections.abc import Mapping, MutableMapping
 from pathlib import Path
 
-PROFILE = Path(__file__).with_name("fastdds.xml")
+from cacc_platoon.dds import shared_memory
+from cacc_platoon.dds.domain import check_domain
+from cacc_platoon.dds.own_folder import unusable_folder
+from cacc_platoon.errors import UserError
+
+RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+LOCALHOST = "LOCALHOST"
+TRANSPORTS = "FASTDDS_BUILTIN_TRANSPORTS"
 PROFILE_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
+FAST_DDS = ("", "rmw_fastrtps_cpp", "rmw_fastrtps_dynamic_cpp")
+
+_FOLDER = Path(__file__).parent
+OPEN = _FOLDER / "open.xml"
+LOOPBACK = _FOLDER / "loopback.xml"
+LOOPBACK_UDP = _FOLDER / "loopback_udp.xml"
+_OURS = {str(profile) for profile in (OPEN, LOOPBACK, LOOPBACK_UDP)}
+
+_PAGES = 64 * 2**10
+_PROFILE_DECIDES = "SYSTEM_DEFAULT"
+"""The only range at which rmw_fastrtps adds no transport that receives on every interface."""
+
+
+def set_up(environment: MutableMapping[str, str]) -> list[str]:
+    """Check and complete an environment before DDS starts; return what the user should know.
+
+    Raises
+    ------
+    UserError
+        When DDS cannot start in it.
+    """
+    check_domain(environment)
+    prefer_local(environment)
+    if is_local(environment):
+        _check_loopback()
+    lines = [unusable_folder()]
+    if is_local(environment) and environment.get("ROS_STATIC_PEERS"):
+        lines.append(
+            f"ROS_STATIC_PEERS = {environment['ROS_STATIC_PEERS'][:80]} has no effect: DDS stays "
+            f"on this machine. Set {RANGE}=SUBNET to reach others, and to be reached by them."
+        )
+    if _arranged_by_us(environment) and not _shared_memory_suffices():
+        lines.append(
+            f"/dev/shm has {_free()} free, DDS needs {shared_memory.NEEDED / 2**20:g} MiB there: "
+            "nodes use UDP alone, which is slower. Make it larger, in a container with --shm-size."
+        )
+    return [line for line in lines if line]
+
+
+def check_loading() -> None:
+    """Refuse to load ROS where that ends the process: its libraries use shared memory, too.
+
+    Raises
+    ------
+    UserError
+        When shared memory is full and a process that tries it dies.
+    """
+    free = shared_memory.free_memory()
+    if free is not None and free < _PAGES and _load_fails():
+        raise UserError(
+            "/dev/shm is full: ROS cannot be loaded, its libraries use some pages of it. Remove "
+            "what fills it, or make it larger, in a container with --shm-size."
+        )
+
+
+def _load_fails() -> bool:
+    command = [sys.executable, "-c", "import rclpy"]
+    return subprocess.run(command, capture_output=True, check=False).returncode < 0
 
 
 def prefer_local(environment: MutableMapping[str, str]) -> None:
     """Keep DDS on this machine and let it find processes quickly, unless given otherwise."""
-    environment.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    if not any(variable in environment for variable in PROFILE_VARIABLES):
-        environment[PROFILE_VARIABLES[0]] = str(PROFILE)
+    if not _arranged_by_us(environment):
+        environment.setdefault(RANGE, LOCALHOST)
+        return
+    if environment.get("ROS_LOCALHOST_ONLY") == "1":  # what it asks for, in its older words
+        del environment["ROS_LOCALHOST_ONLY"]
+        environment[RANGE] = LOCALHOST
+    udp = environment.get(TRANSPORTS) == "UDPv4" or not _shared_memory_suffices()
+    if is_local(environment):
+        environment[RANGE] = _PROFILE_DECIDES
+        environment[PROFILE_VARIABLES[0]] = str(LOOPBACK_UDP if udp else LOOPBACK)
+        return
+    environment[PROFILE_VARIABLES[0]] = str(OPEN)
+    if udp:
+        environment[TRANSPORTS] = "UDPv4"
+
+
+def is_local(environment: Mapping[str, str]) -> bool:
+    """Return whether DDS stays, or will stay, on this machine."""
+    given = environment.get(RANGE, "") or LOCALHOST
+    closed = environment.get(PROFILE_VARIABLES[0]) in (str(LOOPBACK), str(LOOPBACK_UDP))
+    return given.upper() == LOCALHOST or (given == _PROFILE_DECIDES and closed)
+
+
+def _arranged_by_us(environment: Mapping[str, str]) -> bool:
+    """Return whether the user has left transports and discovery to us."""
+    profiles = {environment[name] for name in PROFILE_VARIABLES if name in environment}
+    return (
+        profiles <= _OURS
+        and "ROS_DISCOVERY_SERVER" not in environment
+        and environment.get(TRANSPORTS, "") in ("", "DEFAULT", "UDPv4")
+        and environment.get("RMW_IMPLEMENTATION", "") in FAST_DDS
+    )
+
+
+def _check_loopback() -> None:
+    """Refuse to start where nothing that is sent to this machine arrives."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.settimeout(1.0)
+        try:
+            probe.bind(("127.0.0.1", 0))
+            probe.connect(probe.getsockname())
+            probe.send(b"?")
+            probe.recv(1)
+        except OSError as error:
+            raise UserError(
+                f"127.0.0.1 cannot be reached ({error.strerror or error}): nodes would not find "
+                "each other. Bring the loopback interface up: ip link set lo up."
+            ) from error
+
+
+def _shared_memory_suffices() -> bool:
+    return (shared_memory.free_memory() or 0) >= shared_memory.NEEDED
+
+
+def _free() -> str:
+    free = shared_memory.free_memory()
+    return "nothing" if free is None else f"{free / 2**20:.1f} MiB"

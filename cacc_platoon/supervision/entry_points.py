@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 from collections.abc import Callable
@@ -13,6 +14,8 @@ from rclpy.exceptions import InvalidNamespaceException
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
+from cacc_platoon.dds import shared_memory
+from cacc_platoon.dds.environment import set_up
 from cacc_platoon.errors import UserError
 from cacc_platoon.model import Channel, ControlLaw
 from cacc_platoon.nodes.executor import create_executor, spin_for
@@ -113,6 +116,9 @@ def start(create: Callable[[], Made]) -> Made | None:
         for path in parameter_files(sys.argv):
             read_scenario(path)  # rcl says it in two lines of its own
         if not rclpy.ok():
+            for line in set_up(os.environ):
+                print(line, file=sys.stderr)
+            shared_memory.note_start()
             rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         return create()
     except UserError as error:
@@ -171,8 +177,10 @@ def supervisor_parameters() -> dict[str, Any]:
     Raises
     ------
     UserError
-        When the command line is not one of ROS, or names an unknown parameter.
+        When the command line is not one of ROS, or DDS cannot start.
     """
+    set_up(os.environ)
+    shared_memory.note_start()
     try:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         node = Node("supervisor", automatically_declare_parameters_from_overrides=True)
@@ -180,8 +188,9 @@ def supervisor_parameters() -> dict[str, Any]:
             values = given_parameters(node)
             namespace = node.get_namespace()
         finally:
-            node.destroy_node()
-            rclpy.try_shutdown()
+            with shared_memory.cleared_segments():
+                node.destroy_node()
+                rclpy.try_shutdown()
     except (RuntimeError, InvalidNamespaceException, ValueError) as error:
         raise UserError(f"supervisor: {' '.join(str(error).split())}") from error
     if namespace != "/":
@@ -206,7 +215,8 @@ def markers() -> int:
     executor.add_node(node)
     while not stop.received():
         spin_for(executor, POLL_PERIOD)
-    executor.shutdown()
-    node.destroy_node()
-    rclpy.try_shutdown()
+    with shared_memory.cleared_segments():
+        executor.shutdown()
+        node.destroy_node()
+        rclpy.try_shutdown()
     return 0

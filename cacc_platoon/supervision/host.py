@@ -50,6 +50,7 @@ def run_host(plan: HostPlan, lifeline: Connection) -> None:
     if plan.verbose:
         log_to_stderr()
     with logging_to(plan.log):
+        shared_memory.note_start()
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         graph = Graph.of(plan.scenario)
         topics = [topic for node in plan.nodes for topic in graph.nodes[node].publishes]

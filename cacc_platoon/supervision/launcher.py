@@ -13,6 +13,7 @@ from multiprocessing.connection import Connection
 from multiprocessing.context import ForkServerProcess
 from typing import Any, Protocol
 
+from cacc_platoon.dds.shared_memory import own_temporary_files
 from cacc_platoon.scenario.names import host_name
 from cacc_platoon.supervision.host import run_host
 from cacc_platoon.supervision.run_events import ProcessEnded
@@ -23,7 +24,8 @@ def prepare() -> None:
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(["cacc_platoon.supervision.host"])
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # a Ctrl-C is for the supervisor alone
-    forkserver.ensure_running()
+    with own_temporary_files():
+        forkserver.ensure_running()
     signal.signal(signal.SIGINT, before)
 
 

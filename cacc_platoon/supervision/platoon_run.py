@@ -14,6 +14,7 @@ from rclpy.executors import Executor
 
 from cacc_platoon.bags.rows import Recording
 from cacc_platoon.dds import shared_memory
+from cacc_platoon.dds.environment import is_local
 from cacc_platoon.nodes.executor import create_executor
 from cacc_platoon.nodes.recorder import RecorderNode
 from cacc_platoon.runs.folder import RunFolder
@@ -100,7 +101,7 @@ def _plans(scenario: Scenario, path: Path, run_id: str) -> list[HostPlan]:
         RunFolder(path),
         run_id,
         cores=len(os.sched_getaffinity(0)),
-        local=os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE") == "LOCALHOST",
+        local=is_local(os.environ),
         verbose=logs_to_stderr(),
     )
 

@@ -12,6 +12,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Int64
 
+from cacc_platoon.dds import shared_memory
 from cacc_platoon.nodes import qos
 from cacc_platoon.nodes.executor import create_executor, spin_for
 
@@ -26,6 +27,7 @@ def measure_round_trip(timeout: float) -> float | None:
     process = context.Process(target=_answer, args=(topic, reader, timeout), daemon=True)
     process.start()
     answers: list[int] = []
+    shared_memory.note_start()
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     node = Node("doctor", use_global_arguments=False)
     publisher = node.create_publisher(Int64, f"{topic}/question", qos.latched())
@@ -40,14 +42,16 @@ def measure_round_trip(timeout: float) -> float | None:
         spin_for(executor, PERIOD)
     elapsed = time.monotonic() - began
     writer.close()
-    executor.shutdown()
-    node.destroy_node()
-    rclpy.try_shutdown()
+    with shared_memory.cleared_segments():
+        executor.shutdown()
+        node.destroy_node()
+        rclpy.try_shutdown()
     process.join(timeout)
     return elapsed if answers else None
 
 
 def _answer(topic: str, lifeline: Connection, timeout: float) -> None:
+    shared_memory.note_start()
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     node = Node("doctor_echo", use_global_arguments=False)
     publisher = node.create_publisher(Int64, f"{topic}/answer", qos.latched())
@@ -57,6 +61,7 @@ def _answer(topic: str, lifeline: Connection, timeout: float) -> None:
     deadline = time.monotonic() + timeout
     while not lifeline.poll() and time.monotonic() < deadline:
         spin_for(executor, PERIOD)
-    executor.shutdown()
-    node.destroy_node()
-    rclpy.try_shutdown()
+    with shared_memory.cleared_segments():
+        executor.shutdown()
+        node.destroy_node()
+        rclpy.try_shutdown()

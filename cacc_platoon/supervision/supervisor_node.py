@@ -129,6 +129,7 @@ def start_supervisor(scenario: Scenario) -> SupervisorNode:
     UserError
         When that cannot be.
     """
+    shared_memory.note_start()
     try:
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         return SupervisorNode(scenario)

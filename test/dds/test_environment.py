@@ -1,0 +1,103 @@
+"""How DDS is set up: closed by default, opened by one variable, left to the user who has a say."""
+
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+
+from cacc_platoon.dds import environment, shared_memory
+from cacc_platoon.dds.environment import (
+    LOOPBACK,
+    LOOPBACK_UDP,
+    OPEN,
+    is_local,
+    prefer_local,
+    set_up,
+)
+from cacc_platoon.errors import UserError
+
+RANGE, TRANSPORTS = environment.RANGE, environment.TRANSPORTS
+PROFILE = environment.PROFILE_VARIABLES[0]
+NAMESPACE = "{http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles}"
+
+
+@pytest.mark.parametrize(
+    "given", [{}, {RANGE: ""}, {RANGE: "LOCALHOST"}, {"ROS_LOCALHOST_ONLY": "1", RANGE: "SUBNET"}]
+)
+def test_by_default_nodes_are_reached_on_this_machine_alone(given: dict[str, str]) -> None:
+    made = dict(given)
+    prefer_local(made)
+    assert made == {RANGE: "SYSTEM_DEFAULT", PROFILE: str(LOOPBACK)}
+    assert is_local(made)
+    again = dict(made)
+    prefer_local(again)
+    assert again == made
+
+
+def test_one_variable_opens_them() -> None:
+    made = {RANGE: "SUBNET"}
+    prefer_local(made)
+    assert made == {RANGE: "SUBNET", PROFILE: str(OPEN)}
+    assert not is_local(made)
+    closed: dict[str, str] = {}
+    prefer_local(closed)
+    opened = {**closed, RANGE: "SUBNET"}
+    prefer_local(opened)
+    assert opened == made
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {PROFILE: "mine.xml"},
+        {environment.PROFILE_VARIABLES[1]: "mine.xml"},
+        {"ROS_DISCOVERY_SERVER": "10.0.0.1:11811"},
+        {TRANSPORTS: "LARGE_DATA"},
+        {"RMW_IMPLEMENTATION": "rmw_cyclonedds_cpp"},
+    ],
+)
+def test_who_has_arranged_it_himself_keeps_that(given: dict[str, str]) -> None:
+    made = dict(given)
+    prefer_local(made)
+    assert made == {**given, RANGE: "LOCALHOST"}
+
+
+def test_without_shared_memory_it_is_udp(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made = {TRANSPORTS: "UDPv4"}
+    prefer_local(made)
+    assert made[PROFILE] == str(LOOPBACK_UDP)
+    monkeypatch.setattr(shared_memory, "SHARED_MEMORY", tmp_path / "missing")
+    made, opened = {}, {RANGE: "SUBNET"}
+    (line,) = set_up(made)
+    assert line.startswith("/dev/shm has nothing free, DDS needs 32 MiB there: nodes use UDP")
+    assert made[PROFILE] == str(LOOPBACK_UDP)
+    assert set_up(opened) == [line]
+    assert opened == {RANGE: "SUBNET", PROFILE: str(OPEN), TRANSPORTS: "UDPv4"}
+    assert set_up({PROFILE: "mine.xml"}) == []
+
+
+def test_peers_without_effect_are_told() -> None:
+    (line,) = set_up({"ROS_STATIC_PEERS": "10.0.0.7"})
+    assert "ROS_STATIC_PEERS = 10.0.0.7 has no effect" in line
+    assert set_up({"ROS_STATIC_PEERS": "10.0.0.7", RANGE: "SUBNET"}) == []
+
+
+def test_a_wrong_domain_is_refused() -> None:
+    with pytest.raises(UserError, match="ROS_DOMAIN_ID = '100000'"):
+        set_up({"ROS_DOMAIN_ID": "100000"})
+
+
+@pytest.mark.parametrize("profile", [LOOPBACK, LOOPBACK_UDP])
+def test_profiles_announce_alike_and_receive_on_loopback(profile: Path) -> None:
+    found, opened = ET.parse(profile).getroot(), ET.parse(OPEN).getroot()
+    config = f".//{NAMESPACE}discovery_config"
+
+    def text(root: ET.Element, path: str) -> list[str]:
+        return [(part.text or "").strip() for part in root.findall(path)]
+
+    assert text(found, f"{config}//*") == text(opened, f"{config}//*")
+    addresses = text(found, f".//{NAMESPACE}address")
+    assert addresses == ["127.0.0.1"] * 3
+    assert text(found, f".//{NAMESPACE}useBuiltinTransports") == ["false"]
+    kinds = text(found, f".//{NAMESPACE}type")
+    assert kinds == ["UDPv4", "SHM"][: 1 if profile == LOOPBACK_UDP else 2]
