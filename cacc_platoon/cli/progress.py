@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 import time
 from typing import TextIO
@@ -68,5 +69,6 @@ class ProgressLine:
         return f", sample {done} of {total}, real-time factor {rate * self._step:.1f}{left}"
 
     def _draw(self, text: str) -> None:
-        self._stream.write(f"\r\033[K{text}")
-        self._stream.flush()
+        with contextlib.suppress(OSError):  # the terminal may be gone
+            self._stream.write(f"\r\033[K{text}")
+            self._stream.flush()

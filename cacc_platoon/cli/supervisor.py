@@ -12,13 +12,14 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from cacc_platoon.cli.exit_codes import BAD_INPUT, DONE
-from cacc_platoon.cli.run import run_and_judge
 from cacc_platoon.errors import UserError
-from cacc_platoon.scenario import Scenario
-from cacc_platoon.scenario.file import load_scenario, parameter_files
+from cacc_platoon.stop_signal import STOP_SIGNALS, StopSignal
+
+if TYPE_CHECKING:
+    from cacc_platoon.scenario import Scenario
 
 
 def main() -> int:
@@ -26,12 +27,12 @@ def main() -> int:
     if {"-h", "--help"} & set(sys.argv[1:]):
         print(__doc__)
         return DONE
+    options = argparse.Namespace(json=False, check=False, no_report=False, verbose=False)
     try:
-        return run_and_judge(
-            _scenario(),
-            None,
-            argparse.Namespace(json=False, check=False, no_report=False, verbose=False),
-        )
+        with StopSignal(*STOP_SIGNALS) as stop:  # before anything is loaded: no Ctrl-C is lost
+            from cacc_platoon.cli.run import run_and_judge  # noqa: PLC0415  (heavy)
+
+            return run_and_judge(_scenario(), None, options, stop)
     except UserError as error:
         print(error, file=sys.stderr)
         return BAD_INPUT
@@ -43,7 +44,9 @@ def _scenario() -> Scenario:
     ROS hands a node its own parameters only; the sections for single vehicles, which the hosts
     need, are read from the files themselves.
     """
-    from cacc_platoon.supervision.entry_points import supervisor_parameters  # noqa: PLC0415  (needs ROS)
+    from cacc_platoon.scenario import Scenario  # noqa: PLC0415  (heavy)
+    from cacc_platoon.scenario.file import load_scenario, parameter_files  # noqa: PLC0415
+    from cacc_platoon.supervision.single_nodes import supervisor_parameters  # noqa: PLC0415
 
     values = supervisor_parameters()
     overrides: dict[int, dict[str, Any]] = {}
