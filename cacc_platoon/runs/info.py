@@ -15,7 +15,7 @@ from cacc_platoon.formats import Format
 
 INFO_FILE = "run.json"
 FORMAT = Format(INFO_FILE, 1)
-ROOM = 2**18
+ROOM = 2**16
 """Disk that is set aside for the next run.json [bytes], so that a run can say that it is full."""
 NO_BAG = "the bag is not written yet, `platoon report` writes it"
 """In the message of a run that has ended, as long as that is so."""
