@@ -12,10 +12,10 @@ import os
 import platform
 import shutil
 import sys
+import weakref
 from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import IO
 
 import numpy as np
 
@@ -66,7 +66,6 @@ class RunFolder:
         self.parts = path / PARTS
         self.logs = path / LOGS
         self.begun = RunInfo()
-        self._lock: IO[str] | None = None
 
     @classmethod
     def create(cls, path: Path, scenario: Scenario) -> RunFolder:
@@ -100,15 +99,14 @@ class RunFolder:
         return folder
 
     def hold(self) -> bool:
-        """Hold the folder as long as this process lives; False when another one does."""
+        """Hold the folder as long as it is in use here; False when another process does."""
         with contextlib.suppress(OSError):  # where there are no locks, nobody is known to hold it
-            file = (self.path / SCENARIO_FILE).open("r+")
+            file = os.open(self.path / SCENARIO_FILE, os.O_RDWR | os.O_CLOEXEC)
+            weakref.finalize(self, os.close, file)
             try:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
-                file.close()
                 return False
-            self._lock = file
         return True
 
     def scenario(self) -> Scenario:

@@ -130,7 +130,7 @@ def _spin(
             if recorder:
                 recorder.flush()
         if (name := stop.received()) and not session.ended:
-            session.fail(f"host {session.host} was stopped by {name}")
+            session.fail(f"{session} was stopped by {name}")
             return
         if orphaned() or session.abandoned:
             LOG.info("host %s: the supervisor is gone", session.host)

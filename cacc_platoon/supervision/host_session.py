@@ -27,6 +27,7 @@ from cacc_platoon.supervision.protocol import (
     ProtocolError,
     RunStatus,
 )
+from cacc_platoon.supervision.run_state import some
 from msg_adapters.topics import PlatoonTopics
 
 SUPERVISOR_LIMIT = 10.0
@@ -90,6 +91,11 @@ class HostSession:
         self._publish()
         if failure:
             self.fail(failure)
+
+    def __str__(self) -> str:
+        """Name the host, its process and its nodes."""
+        state = self._machine.state
+        return f"host {state.host} (process {state.pid}: {some(state.nodes)})"
 
     @property
     def host(self) -> str:

@@ -16,7 +16,9 @@ from rosbags.rosbag2 import Reader
 
 from cacc_platoon.dds import shared_memory
 from cacc_platoon.runs.info import NO_BAG, EndStatus, RunInfo
+from cacc_platoon.stop_signal import REPEATED
 from cacc_platoon.testing import Platoon
+from msg_adapters.topics import VehicleTopics
 
 SMALL = ("run.duration=60", "platoon.followers=3", "run.real_time_factor=10")
 """Six seconds of wall time, slow enough to interfere."""
@@ -168,7 +170,7 @@ def test_a_run_without_samples_is_reported_as_what_it_was(platoon: Start) -> Non
 
 def test_a_run_whose_nodes_never_end_ends(platoon: Start, tmp_path: Path) -> None:
     run = platoon(*QUICK, hosts=2, environment=hanging(tmp_path))
-    run.wait(lambda: (run.folder.path / "run.json").is_file(), 30, "run.json")
+    run.wait((run.folder.path / "run.json").is_file, 30, "run.json")
     run.wait(lambda: said(run).digest != "", 60, "the bag")
     result = run.result(timeout=25)
     assert (result.exit_code, result.status) == (0, "finished")
@@ -186,9 +188,46 @@ def test_a_node_that_never_ends_is_ended(platoon: Start, tmp_path: Path) -> None
     run.kill("vehicle_2/vehicle", signal.SIGTERM)
     result = run.result(timeout=40)
     assert (result.exit_code, result.status) == (1, "failed")
-    assert "vehicle_2_vehicle was stopped by SIGTERM" in result.message
+    assert "vehicle_2/vehicle) was stopped by SIGTERM" in result.message
     run.wait_gone(timeout=15)
     shared_memory.sweep()
+
+
+def test_whoever_insists_leaves_the_bag_for_later(platoon: Start) -> None:
+    run = platoon("run.duration=400", "platoon.followers=3", hosts=2)
+    run.wait((run.folder.path / "run.json").is_file, 30, "run.json")
+    run.wait(lambda: NO_BAG in said(run).message, 60, "the writing of the bag")
+    run.kill("supervisor", signal.SIGINT)
+    begun = time.monotonic()
+    run.wait(lambda: time.monotonic() - begun > REPEATED, 5, "a while")
+    assert not run.folder.bag.exists()
+    run.kill("supervisor", signal.SIGINT)
+    result = run.result(timeout=15)
+    assert (result.exit_code, result.status) == (130, "interrupted")
+    assert result.message == f"{NO_BAG} (stopped meanwhile)"
+    assert report(run).returncode == 0
+    assert (said(run).status, said(run).message) == (EndStatus.FINISHED, "")
+
+
+def test_a_run_killed_while_it_writes_the_bag_is_complete_after_a_report(platoon: Start) -> None:
+    run = platoon("run.duration=200", "platoon.followers=3", hosts=2)
+    run.wait((run.folder.path / "run.json").is_file, 30, "run.json")
+    run.wait(lambda: NO_BAG in said(run).message, 60, "the writing of the bag")
+    run.kill("supervisor")
+    run.wait_gone(timeout=10)
+    assert report(run).returncode == 0
+    assert (said(run).status, said(run).message) == (EndStatus.FINISHED, "")
+    assert set(said(run).messages.values()) == {20_001}
+
+
+def test_a_failure_that_the_graph_shows_names_no_innocent_node(platoon: Start) -> None:
+    run = platoon(*SMALL, hosts=2)
+    run.wait_sample(100)
+    run.publisher(VehicleTopics("/platoon", 1).pose)
+    result = run.result(timeout=20)
+    assert result.exit_code == 1
+    assert "/platoon/vehicle_1/pose has 2 publishers" in result.message
+    assert "stopped at sample" not in result.message
 
 
 def test_a_killed_forkserver_is_named(platoon: Start) -> None:
