@@ -84,6 +84,8 @@ class StopSignal:
     def _watch(self) -> None:
         """End the process when a signal has come and nobody asks for it."""
         numbers = os.read(self._reader, 1)
-        os.close(self._reader)
         if numbers and not self._asked.wait(PATIENCE):
             os._exit(128 + numbers[0])
+        while numbers:  # until the writer is closed: without a reader, a signal is an error
+            numbers = os.read(self._reader, 1)
+        os.close(self._reader)
