@@ -1,35 +1,71 @@
-"""Ctrl-C and SIGTERM, remembered and acted on where the run can be ended cleanly."""
+"""Ctrl-C, SIGTERM and SIGHUP, remembered and acted on where the run can be ended cleanly."""
 
 from __future__ import annotations
 
+import os
 import signal
+import threading
+import time
+
+STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+REPEATED = 1.0
+"""So soon after the first a signal is the same wish: ros2 launch repeats that of a terminal [s]."""
+PATIENCE = 10.0
+"""How long a signal may wait until somebody asks for it [s]; then the process ends at once."""
 
 
 class StopSignal:
-    """Remembers the first of some signals.
+    """Remembers the first of some signals; a later one never undoes what it began.
+
+    A process that hangs where nobody asks for the signal is ended by it all the same, though not
+    cleanly, after PATIENCE.
 
     Parameters
     ----------
     *signals : signal.Signals
-        What to listen to.
-    insist : bool, optional
-        Whether a second signal interrupts whatever is running, with KeyboardInterrupt.
+        What to listen to. A SIGHUP that is ignored, as nohup does, stays ignored.
     """
 
-    def __init__(self, *signals: signal.Signals, insist: bool = False) -> None:
+    def __init__(self, *signals: signal.Signals) -> None:
         self._received: signal.Signals | None = None
-        self._insist = insist
-        for number in signals:
-            signal.signal(number, self._on_signal)
+        self._received_at = 0.0
+        self._insisted = self._released = False
+        self._asked = threading.Event()
+        self._reader, self._writer = os.pipe()
+        os.set_blocking(self._writer, False)
+        signal.set_wakeup_fd(self._writer, warn_on_full_buffer=False)
+        threading.Thread(target=self._watch, daemon=True).start()
+        self._before = {number: signal.getsignal(number) for number in signals}
+        for number, handler in self._before.items():
+            if number != signal.SIGHUP or handler is not signal.SIG_IGN:
+                signal.signal(number, self._on_signal)
+
+    def __enter__(self) -> StopSignal:
+        """Listen until the end of the context."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Leave signals to whoever listened before."""
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+        signal.set_wakeup_fd(-1)
+        os.close(self._writer)
 
     def release(self) -> None:
-        """From now on a Ctrl-C interrupts at once, as everywhere."""
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        """From now on the first signal interrupts at once, with KeyboardInterrupt."""
+        self._asked.set()
+        self._released = True
 
     def received(self) -> str | None:
         """Return the name of the signal that came, or None."""
-        return self._received.name if self._received else None
+        if self._received is None:
+            return None
+        self._asked.set()
+        return self._received.name
+
+    def insisted(self) -> bool:
+        """Return whether another signal came later: what can be done later is left for later."""
+        return self._insisted
 
     @property
     def exit_code(self) -> int:
@@ -37,6 +73,19 @@ class StopSignal:
         return 128 + self._received if self._received else 0
 
     def _on_signal(self, number: int, _frame: object) -> None:
-        if self._received and self._insist:
-            raise KeyboardInterrupt
-        self._received = signal.Signals(number)
+        now = time.monotonic()
+        if self._received is None:
+            self._received, self._received_at = signal.Signals(number), now
+            if self._released:
+                raise KeyboardInterrupt
+        elif now - self._received_at > REPEATED:
+            self._insisted = True
+
+    def _watch(self) -> None:
+        """End the process when a signal has come and nobody asks for it."""
+        numbers = os.read(self._reader, 1)
+        if numbers and not self._asked.wait(PATIENCE):
+            os._exit(128 + numbers[0])
+        while numbers:  # until the writer is closed: without a reader, a signal is an error
+            numbers = os.read(self._reader, 1)
+        os.close(self._reader)

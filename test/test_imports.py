@@ -28,6 +28,7 @@ ROOMS = {
     "errors": Room(set(), set()),
     "formats": Room({"errors"}, set()),
     "stop_signal": Room(set(), set()),
+    "time_limit": Room(set(), set()),
     "dds": Room({"errors"}, set()),
     "model": Room({"errors"}, {"numpy"}),
     "theory": Room(MODEL, {"numpy"}),
@@ -41,7 +42,9 @@ ROOMS = {
     "nodes": Room({*RUNS, "stepping"}, ROS),
     "analysis": Room(JUDGED, {"numpy"}),
     "figures": Room({*JUDGED, "design"}, {"numpy"}, {"matplotlib"}),
-    "supervision": Room({*RUNS, "stop_signal", "dds", "stepping", "nodes"}, {"numpy", *ROS}),
+    "supervision": Room(
+        {*RUNS, "stop_signal", "time_limit", "dds", "stepping", "nodes"}, {"numpy", *ROS}
+    ),
     "sweep": Room({*JUDGED}, {"numpy"}),
     "report": Room({*JUDGED, "design", "figures"}, {"numpy", "ruamel"}, {"matplotlib"}),
     "replay": Room({*JUDGED, "figures"}, {"numpy"}),

@@ -79,7 +79,7 @@ def test_an_old_run_json_keeps_what_it_says(old_run):
     assert info.hosts[0].nodes[1] == "vehicle_0/leader"
     now = info.to_json()
     assert {name: now[name] for name in then} == then
-    assert now.keys() - then.keys() == {"format"}
+    assert now.keys() - then.keys() == {"format", "pid", "began"}
 
 
 def test_an_old_run_that_was_killed_is_finished(tmp_path):

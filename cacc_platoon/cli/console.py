@@ -8,6 +8,12 @@ import sys
 from collections.abc import Iterator
 
 
+def say(text: str) -> None:
+    """Print a line on standard error, where there is one: a closed terminal stops nothing."""
+    with contextlib.suppress(OSError):
+        print(text, file=sys.stderr, flush=True)
+
+
 @contextlib.contextmanager
 def libraries_on_stderr() -> Iterator[None]:
     """Within, what libraries and new processes print on standard output goes to standard error.

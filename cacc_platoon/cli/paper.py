@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,7 +19,7 @@ from cacc_platoon.cli.progress import ProgressLine
 from cacc_platoon.cli.ros import prepare_nodes, require_ros
 from cacc_platoon.cli.simulate import simulate_run
 from cacc_platoon.errors import UserError
-from cacc_platoon.stop_signal import StopSignal
+from cacc_platoon.stop_signal import STOP_SIGNALS, StopSignal
 
 if TYPE_CHECKING:
     from cacc_platoon.scenario import Scenario
@@ -51,17 +52,15 @@ def run(options: argparse.Namespace) -> int:
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise UserError(f"{folder}: exists and is not empty, {EMPTY}")
     scenarios = {case.name: case_scenario(case, {"run.seed": options.seed}) for case in CASES}
-    if not options.simulate:
-        require_ros("paper", "platoon paper --simulate does")
-    stop = None if options.simulate else prepare_nodes()
-    reports = {}
-    for name, scenario in scenarios.items():
-        path = folder / f"case_{name.lower()}"
-        if stop is None:
+    paths = {name: folder / f"case_{name.lower()}" for name in scenarios}
+    if options.simulate:
+        for name, scenario in scenarios.items():
             with ProgressLine() as progress:
-                simulate_run(scenario, path, progress)
-        elif not _run_on_nodes(scenario, path, stop):
-            return stop.exit_code or FAILED
+                simulate_run(scenario, paths[name], progress)
+    elif code := _run_on_nodes(scenarios, paths):
+        return code
+    reports = {}
+    for name, path in paths.items():
         with ProgressLine() as progress:
             reports[name] = report_run(path, progress).report
     result = reproduce(reports)
@@ -74,7 +73,18 @@ def run(options: argparse.Namespace) -> int:
     return DONE if result.agrees else FAILED
 
 
-def _run_on_nodes(scenario: Scenario, path: Path, stop: StopSignal) -> bool:
+def _run_on_nodes(scenarios: Mapping[str, Scenario], paths: Mapping[str, Path]) -> int:
+    """Run the cases as far as they finish; return the exit code of the one that did not."""
+    with StopSignal(*STOP_SIGNALS) as stop:
+        require_ros("paper", "platoon paper --simulate does")
+        prepare_nodes()
+        for name, scenario in scenarios.items():
+            if not _run_case(scenario, paths[name], stop):
+                return stop.exit_code or FAILED
+    return DONE
+
+
+def _run_case(scenario: Scenario, path: Path, stop: StopSignal) -> bool:
     """Run one case; say why when it did not finish."""
     from cacc_platoon.runs.info import EndStatus  # noqa: PLC0415
     from cacc_platoon.supervision.platoon_run import run_platoon  # noqa: PLC0415  (needs ROS)
@@ -82,7 +92,9 @@ def _run_on_nodes(scenario: Scenario, path: Path, stop: StopSignal) -> bool:
     if stop.received():
         return False
     with libraries_on_stderr(), ProgressLine(scenario.run.step) as progress:
-        outcome = run_platoon(scenario, path, progress, stop.received)
+        outcome = run_platoon(scenario, path, progress, stop.received, stop.insisted)
     if outcome.status is not EndStatus.FINISHED:
         print(f"platoon: {scenario.name}: {outcome.status}: {outcome.message}", file=sys.stderr)
+    with libraries_on_stderr():
+        outcome.leave(stop.exit_code or FAILED)
     return outcome.status is EndStatus.FINISHED

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 import time
 from collections.abc import Callable
@@ -89,8 +90,9 @@ class ProgressLine(Progress):
 
     def show(self, text: str) -> None:
         """Put the line in the place of the one before."""
-        self._stream.write(f"\r\033[K{text}")
-        self._stream.flush()
+        with contextlib.suppress(OSError):  # the terminal may be gone
+            self._stream.write(f"\r\033[K{text}")
+            self._stream.flush()
 
     def clear(self) -> None:
         """Remove the line."""

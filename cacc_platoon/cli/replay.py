@@ -27,7 +27,7 @@ from cacc_platoon.cli.ros import (
 from cacc_platoon.dds.domain import own_domain
 from cacc_platoon.errors import UserError
 from cacc_platoon.scenario.names import vehicle_name
-from cacc_platoon.stop_signal import StopSignal
+from cacc_platoon.stop_signal import STOP_SIGNALS, StopSignal
 
 if TYPE_CHECKING:
     from cacc_platoon.replay import NodeRecord, WhatIf
@@ -85,11 +85,11 @@ def run(options: argparse.Namespace) -> int:
         scenario.check_own_code()
     else:
         _check_own_code(record, scenario, options.set)
-    require_ros("replay", "platoon simulate runs a scenario")
-    if options.verbose:
-        log_everything()
-    with _domain(options.domain):
-        stop = prepare_nodes()
+    with StopSignal(*STOP_SIGNALS) as stop, _domain(options.domain):
+        require_ros("replay", "platoon simulate runs a scenario")
+        if options.verbose:
+            log_everything()
+        prepare_nodes()
         try:
             replayed = _replay(record, scenario, options, stop)
         except _FailedError as failure:

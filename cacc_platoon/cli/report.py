@@ -10,6 +10,7 @@ from pathlib import Path
 
 from cacc_platoon.cli.judge import add_verdict_arguments, conclude
 from cacc_platoon.cli.progress import ProgressLine
+from cacc_platoon.dds import shared_memory
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -26,6 +27,7 @@ def run(options: argparse.Namespace) -> int:
     from cacc_platoon.report import report_run  # noqa: PLC0415  (heavy)
     from cacc_platoon.scenario.file import load_scenario  # noqa: PLC0415  (heavy)
 
+    shared_memory.sweep()  # of a run that was killed, DDS is as unfinished as the folder
     scenario = load_scenario(options.scenario) if options.scenario else None
     with ProgressLine() as progress:
         written = report_run(

@@ -1,16 +1,14 @@
-"""What a verb that starts nodes needs: ROS, hosts being prepared, signals listened to."""
+"""What a verb that starts nodes needs: ROS, and hosts being prepared."""
 
 from __future__ import annotations
 
 import argparse
 import os
-import signal
 import sys
 
 from cacc_platoon.cli.console import libraries_on_stderr
 from cacc_platoon.dds.environment import check_loading, set_up
 from cacc_platoon.errors import UserError
-from cacc_platoon.stop_signal import StopSignal
 
 ROS_MODULES = ("rclpy", "rcl_interfaces", "std_msgs", "geometry_msgs")
 
@@ -42,8 +40,8 @@ def require_ros(verb: str, without_ros: str) -> None:
         ) from error
 
 
-def prepare_nodes() -> StopSignal:
-    """Begin to load what hosts need; from now on signals end the run cleanly.
+def prepare_nodes() -> None:
+    """Begin to load what hosts need.
 
     Processes of hosts begin with the environment as it is now. DDS stays on this machine unless
     the environment says otherwise.
@@ -57,10 +55,8 @@ def prepare_nodes() -> StopSignal:
 
     for line in set_up(os.environ):
         print(f"platoon: warning: {line}", file=sys.stderr)
-    stop = StopSignal(signal.SIGINT, signal.SIGTERM, insist=True)
     with libraries_on_stderr():
         launcher.prepare()
-    return stop
 
 
 def add_verbose_argument(parser: argparse.ArgumentParser) -> None:

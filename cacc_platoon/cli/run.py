@@ -6,11 +6,11 @@ The run folder then holds the bag, the resolved scenario, run.json, metrics.json
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from cacc_platoon.cli.console import libraries_on_stderr
+from cacc_platoon.cli.console import libraries_on_stderr, say
 from cacc_platoon.cli.exit_codes import DONE, FAILED
 from cacc_platoon.cli.judge import add_verdict_arguments, conclude, warn_before
 from cacc_platoon.cli.progress import Progress, ProgressLine
@@ -24,6 +24,10 @@ from cacc_platoon.runs.folder import default_run_folder
 from cacc_platoon.runs.recorded_leader import with_recorded_leader
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import load_scenario
+from cacc_platoon.stop_signal import STOP_SIGNALS, StopSignal
+
+if TYPE_CHECKING:
+    from cacc_platoon.supervision.platoon_run import Outcome
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -54,19 +58,22 @@ def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run, record, judge."""
-    scenario = load_scenario(options.scenario, options.set)
-    return run_and_judge(scenario, options.output, options)
+    with StopSignal(*STOP_SIGNALS) as stop:
+        scenario = load_scenario(options.scenario, options.set)
+        return run_and_judge(scenario, options.output, options, stop)
 
 
 def run_and_judge(
     scenario: Scenario,
     output: Path | None,
     options: argparse.Namespace,
+    stop: StopSignal,
     progress_of: Callable[..., Progress] = ProgressLine,
 ) -> int:
     """Run a scenario on nodes and print the verdict; return the exit code.
 
-    `progress_of` makes what shows the progress, see `ProgressLine`.
+    DDS is ended last, because it may hang: by then everything is written and said. `progress_of`
+    makes what shows the progress, see `ProgressLine`.
 
     Raises
     ------
@@ -78,27 +85,52 @@ def run_and_judge(
     given = output or (Path(scenario.record.directory) if scenario.record.directory else None)
     folder = given or default_run_folder(scenario)
     require_ros("run", "platoon simulate runs the same scenario")
-    stop = prepare_nodes()
+    prepare_nodes()
     with libraries_on_stderr():
-        from cacc_platoon.report import report_run  # noqa: PLC0415  (heavy)
-        from cacc_platoon.runs.info import EndStatus  # noqa: PLC0415
         from cacc_platoon.supervision.platoon_run import run_platoon  # noqa: PLC0415
 
         warn_before(scenario)
         if options.verbose:
             log_everything()
+        if stop.received():
+            say("platoon: interrupted")
+            return stop.exit_code
         with progress_of(scenario.run.step, shown=not options.verbose) as progress:
-            outcome = run_platoon(scenario, folder, progress, stop.received)
+            outcome = run_platoon(scenario, folder, progress, stop.received, stop.insisted)
+    code = FAILED
+    try:
+        code = _judge(outcome, folder, stop, options, progress_of)
+    except KeyboardInterrupt:
+        code = stop.exit_code
+        say("platoon: interrupted; the run is complete, platoon report judges it")
+    finally:
+        with libraries_on_stderr():
+            outcome.leave(code)
+    return code
+
+
+def _judge(
+    outcome: Outcome,
+    folder: Path,
+    stop: StopSignal,
+    options: argparse.Namespace,
+    progress_of: Callable[..., Progress],
+) -> int:
+    """Say how a run ended, judge it if it is complete, and return the exit code."""
+    from cacc_platoon.report import report_run  # noqa: PLC0415  (heavy)
+    from cacc_platoon.runs.info import EndStatus  # noqa: PLC0415
+
     if outcome.status is not EndStatus.FINISHED:
-        print(f"platoon: {outcome.status}: {outcome.message}", file=sys.stderr)
-        print(f"platoon: what was recorded until then is in {folder}", file=sys.stderr)
+        say(f"platoon: {outcome.status}: {outcome.message}")
+        if folder.exists():
+            say(f"platoon: what was recorded until then is in {folder}")
         return stop.exit_code or FAILED
     if stop.received():
-        print(f"platoon: the run is complete in {folder}; not judged", file=sys.stderr)
+        say(f"platoon: the run is complete in {folder}; not judged")
         return stop.exit_code
     if options.no_report:
         return DONE
     stop.release()
-    with progress_of() as progress:
+    with libraries_on_stderr(), progress_of() as progress:
         written = report_run(folder, progress)
     return conclude(written, options)

@@ -6,6 +6,7 @@ A Monte Carlo beside it (--runs N) shows the spread of noisy runs and that their
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import shutil
 import time
 from collections.abc import Callable
@@ -17,7 +18,7 @@ from cacc_platoon.cli.progress import ProgressLine
 from cacc_platoon.cli.run import add_scenario_arguments
 from cacc_platoon.errors import UserError
 from cacc_platoon.runs.folder import RunFolder, default_run_folder
-from cacc_platoon.runs.info import RunInfo
+from cacc_platoon.runs.info import EndStatus
 from cacc_platoon.scenario.file import load_scenario
 
 if TYPE_CHECKING:
@@ -73,17 +74,22 @@ def simulate_run(scenario: Scenario, path: Path, progress: ProgressLine | None =
     begun = time.monotonic()
     try:
         trajectory = simulate(scenario, progress=_named("simulating", progress))
-    except BaseException:  # nothing was recorded, whatever it was
-        shutil.rmtree(path)
+        wall = time.monotonic() - begun
+        info = dataclasses.replace(
+            folder.begun,
+            status=EndStatus.FINISHED,
+            samples=len(trajectory.position),
+            wall_time=wall,
+            real_time_factor=scenario.run.duration / wall if wall else None,
+            start_time=0.0,
+        )
+        writing = _named("writing the bag", progress)
+        folder.finish(scenario, recording_of(trajectory), info, writing)
+    except BaseException as error:  # there is nothing that a report could be made of
+        shutil.rmtree(path, ignore_errors=True)
+        if isinstance(error, OSError):
+            raise UserError(f"{path}: cannot be written ({error.strerror}). Make room.") from error
         raise
-    wall = time.monotonic() - begun
-    info = RunInfo(
-        samples=len(trajectory.position),
-        wall_time=wall,
-        real_time_factor=scenario.run.duration / wall if wall else None,
-        start_time=0.0,
-    )
-    folder.finish(scenario, recording_of(trajectory), info, _named("writing the bag", progress))
     return folder
 
 

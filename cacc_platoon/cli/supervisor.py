@@ -17,16 +17,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cacc_platoon.cli.exit_codes import BAD_INPUT, DONE
-from cacc_platoon.cli.progress import ProgressLog
-from cacc_platoon.cli.run import run_and_judge
 from cacc_platoon.dds.environment import check_loading
 from cacc_platoon.errors import UserError
-from cacc_platoon.scenario import Scenario
-from cacc_platoon.scenario.file import apply_settings, load_scenario, parameter_files
-from cacc_platoon.scenario.ros_sections import Values
+from cacc_platoon.stop_signal import STOP_SIGNALS, StopSignal
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from cacc_platoon.cli.progress import ProgressLog
+    from cacc_platoon.scenario import Scenario
 
 _BETWEEN = re.compile(r",(?![^\[]*\])")  # a comma, but none within a list of numbers
 
@@ -36,13 +35,12 @@ def main() -> int:
     if {"-h", "--help"} & set(sys.argv[1:]):
         print(__doc__)
         return DONE
+    options = argparse.Namespace(json=False, check=False, no_report=False, verbose=False)
     try:
-        return run_and_judge(
-            _scenario(sys.argv),
-            None,
-            argparse.Namespace(json=False, check=False, no_report=False, verbose=False),
-            _log_progress,
-        )
+        with StopSignal(*STOP_SIGNALS) as stop:  # before anything is loaded: no Ctrl-C is lost
+            from cacc_platoon.cli.run import run_and_judge  # noqa: PLC0415  (heavy)
+
+            return run_and_judge(_scenario(sys.argv), None, options, stop, _log_progress)
     except UserError as error:
         print(error, file=sys.stderr)
         return BAD_INPUT
@@ -72,6 +70,14 @@ def _scenario(arguments: Sequence[str]) -> Scenario:
     need, are read from the files themselves. They are read first: what is wrong with a file is
     said in our words and not in those of rcl.
     """
+    from cacc_platoon.scenario import Scenario  # noqa: PLC0415  (heavy)
+    from cacc_platoon.scenario.file import (  # noqa: PLC0415
+        apply_settings,
+        load_scenario,
+        parameter_files,
+    )
+    from cacc_platoon.scenario.ros_sections import Values  # noqa: PLC0415
+
     values = Values()
     name, folder = "supervisor", Path()
     for path in parameter_files(arguments):
@@ -82,7 +88,7 @@ def _scenario(arguments: Sequence[str]) -> Scenario:
     check_loading()
     from rclpy.utilities import remove_ros_args  # noqa: PLC0415  (needs ROS)
 
-    from cacc_platoon.supervision.entry_points import supervisor_parameters  # noqa: PLC0415
+    from cacc_platoon.supervision.single_nodes import supervisor_parameters  # noqa: PLC0415
 
     values.common |= supervisor_parameters()
     parser = argparse.ArgumentParser(prog="supervisor")
@@ -95,5 +101,7 @@ def _scenario(arguments: Sequence[str]) -> Scenario:
 def _log_progress(step: float | None = None, *, shown: bool = True) -> ProgressLog:
     """Return a progress that is logged as ROS nodes log."""
     from rclpy.logging import get_logger  # noqa: PLC0415  (needs ROS)
+
+    from cacc_platoon.cli.progress import ProgressLog  # noqa: PLC0415
 
     return ProgressLog(get_logger("supervisor").info, step, shown=shown)

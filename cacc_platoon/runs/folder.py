@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import fcntl
 import hashlib
 import importlib.metadata
 import math
@@ -10,6 +12,7 @@ import os
 import platform
 import shutil
 import sys
+import weakref
 from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
@@ -20,7 +23,7 @@ from cacc_platoon import __version__
 from cacc_platoon.bags.digest import run_digest
 from cacc_platoon.bags.rows import Recording
 from cacc_platoon.errors import UserError
-from cacc_platoon.runs.info import RunInfo
+from cacc_platoon.runs.info import EndStatus, RunInfo
 from cacc_platoon.runs.parts import read_parts
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import format_scenario, load_scenario
@@ -41,12 +44,20 @@ def default_run_folder(scenario: Scenario) -> Path:
 
 
 class RunFolder:
-    """One run on disk: scenario.yaml, parts/ while it runs, then bag/ and run.json.
+    """One run on disk: scenario.yaml, run.json, parts/ while it runs, then bag/.
+
+    The process that fills it holds it, by a lock on scenario.yaml that goes with the process. So
+    anybody can tell a run that goes on from one whose process is gone, however that came about.
 
     Parameters
     ----------
     path : Path
         The folder.
+
+    Attributes
+    ----------
+    begun : RunInfo
+        What run.json says at the beginning, in a folder that was made here.
     """
 
     def __init__(self, path: Path) -> None:
@@ -54,31 +65,49 @@ class RunFolder:
         self.bag = path / BAG
         self.parts = path / PARTS
         self.logs = path / LOGS
+        self.begun = RunInfo()
 
     @classmethod
     def create(cls, path: Path, scenario: Scenario) -> RunFolder:
-        """Make the folder of a new run and put the resolved scenario in it.
+        """Make the folder of a new run, with the resolved scenario and run.json, and hold it.
 
         Raises
         ------
         UserError
             When it exists already or cannot be written; nothing is changed then.
         """
-        if path.exists():
+        folder = cls(path)
+        try:
+            path.mkdir(parents=True)
+        except FileExistsError as error:
             raise UserError(
                 f"{path}: exists already, a run never overwrites another. "
                 "Choose another folder with -o or remove it."
-            )
+            ) from error
+        except OSError as error:
+            raise _unwritable(path, error) from error
         try:
-            (path / PARTS).mkdir(parents=True)
+            folder.parts.mkdir()
             _refuse_full_disk(path, scenario)
+            folder.begun = _begun(scenario)
+            folder.begun.write(path)
             (path / SCENARIO_FILE).write_text(format_scenario(scenario), encoding="utf-8")
         except OSError as error:
-            raise UserError(
-                f"{path}: cannot be written ({error.strerror}), the run would be lost. "
-                "Choose another folder with -o."
-            ) from error
-        return cls(path)
+            shutil.rmtree(path, ignore_errors=True)
+            raise _unwritable(path, error) from error
+        folder.hold()
+        return folder
+
+    def hold(self) -> bool:
+        """Hold the folder as long as it is in use here; False when another process does."""
+        with contextlib.suppress(OSError):  # where there are no locks, nobody is known to hold it
+            file = os.open(self.path / SCENARIO_FILE, os.O_RDWR | os.O_CLOEXEC)
+            weakref.finalize(self, os.close, file)
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                return False
+        return True
 
     def scenario(self) -> Scenario:
         """Return the resolved scenario."""
@@ -97,6 +126,8 @@ class RunFolder:
     ) -> RunInfo:
         """Write the bag and run.json, remove the parts, and return what run.json says.
 
+        At any moment run.json is true, and what is missing can be made from the parts.
+
         Parameters
         ----------
         scenario : Scenario
@@ -111,6 +142,13 @@ class RunFolder:
         from cacc_platoon.bags.write import write_bag  # noqa: PLC0415  (heavy: a run starts sooner)
         from cacc_platoon.runs.recording import with_deliveries  # noqa: PLC0415
 
+        info = dataclasses.replace(
+            info,
+            seed=scenario.run.seed,
+            versions=info.versions or versions(),
+            fingerprint=info.fingerprint or fingerprint(),
+        )
+        info.without_bag().write(self.path)
         prefix = scenario.platoon.namespace
         recording = with_deliveries(recording, Graph.of(scenario))
         digest = run_digest(recording, Graph.of(scenario))
@@ -125,19 +163,35 @@ class RunFolder:
             custom_data={"digest": digest, "cacc_platoon": __version__},
             progress=progress,
         )
-        (self.path / UNFINISHED / BAG).rename(self.bag)
-        (self.path / UNFINISHED).rmdir()
         info = dataclasses.replace(
             info,
             digest=digest,
             messages={name: len(record.messages) for name, record in sorted(recording.items())},
-            seed=scenario.run.seed,
-            versions=versions(),
-            fingerprint=fingerprint(),
         )
         info.write(self.path)
+        (self.path / UNFINISHED / BAG).rename(self.bag)
+        (self.path / UNFINISHED).rmdir()
         shutil.rmtree(self.parts, ignore_errors=True)
         return info
+
+
+def _unwritable(path: Path, error: OSError) -> UserError:
+    return UserError(
+        f"{path}: cannot be written ({error.strerror}), the run would be lost. "
+        "Choose another folder with -o."
+    )
+
+
+def _begun(scenario: Scenario) -> RunInfo:
+    """Return what run.json says from the beginning on."""
+    return RunInfo(
+        EndStatus.RUNNING,
+        seed=scenario.run.seed,
+        versions=versions(),
+        fingerprint=fingerprint(),
+        pid=os.getpid(),
+        began=f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}",
+    )
 
 
 def _refuse_full_disk(path: Path, scenario: Scenario) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
@@ -14,11 +15,16 @@ from cacc_platoon.formats import Format
 
 INFO_FILE = "run.json"
 FORMAT = Format(INFO_FILE, 1)
+ROOM = 2**16
+"""Disk that is set aside for the next run.json [bytes], so that a run can say that it is full."""
+NO_BAG = "the bag is not written yet, `platoon report` writes it"
+"""In the message of a run that has ended, as long as that is so."""
 
 
 class EndStatus(StrEnum):
-    """How a run ended."""
+    """How a run ended, or that it has not."""
 
+    RUNNING = "running"
     FINISHED = "finished"
     FAILED = "failed"
     INTERRUPTED = "interrupted"
@@ -58,14 +64,14 @@ class HostInfo:
 
 @dataclass(frozen=True)
 class RunInfo:
-    """What is known of a run when it has ended; `RunFolder.finish` fills in the second half.
+    """What is known of a run; `RunFolder.finish` fills in what the bag tells.
 
     Attributes
     ----------
     status : EndStatus
-        How it ended.
+        How it ended. A process that is killed leaves "running" behind.
     message : str
-        Why it did not finish; empty when it did.
+        Why it did not finish, and that its bag is not written yet; empty otherwise.
     samples : int or None
         Samples that every recorder has; None when nobody counted them.
     wall_time, real_time_factor : float or None
@@ -82,6 +88,10 @@ class RunInfo:
         Of all noise.
     versions, fingerprint : mapping of str to str
         Of the software and of the machine that recorded it.
+    pid : int or None
+        The process that runs it, or did; None when unknown.
+    began : str
+        When that began, UTC; empty when unknown.
     """
 
     status: EndStatus = EndStatus.FINISHED
@@ -96,6 +106,23 @@ class RunInfo:
     seed: int | None = None
     versions: Mapping[str, str] = dataclasses.field(default_factory=dict)
     fingerprint: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    pid: int | None = None
+    began: str = ""
+
+    def without_bag(self, status: EndStatus | None = None, why: str = "") -> Self:
+        """Return what to say as long as the bag is not there, and why that is so."""
+        missing = f"{NO_BAG} ({why})" if why else NO_BAG
+        status = status if status and self.status is EndStatus.FINISHED else self.status
+        message = "; ".join(filter(None, [self.message.removesuffix("."), missing]))
+        return dataclasses.replace(self, status=status, message=message)
+
+    def with_bag(self) -> Self:
+        """Return what to say once the bag is there: only what stood in the way of the run."""
+        reason, missing, _ = self.message.partition(NO_BAG)
+        if not missing:
+            return self
+        status = self.status if reason else EndStatus.FINISHED
+        return dataclasses.replace(self, status=status, message=reason.removesuffix("; "))
 
     def to_json(self) -> dict[str, Any]:
         """Return what run.json holds."""
@@ -113,6 +140,8 @@ class RunInfo:
             "seed": self.seed,
             "versions": dict(self.versions),
             "fingerprint": dict(self.fingerprint),
+            "pid": self.pid,
+            "began": self.began,
         }
 
     @classmethod
@@ -150,14 +179,28 @@ class RunInfo:
                 _number(document.get("seed"), int),
                 _named_texts(document.get("versions", {})),
                 _named_texts(document.get("fingerprint", {})),
+                _number(document.get("pid"), int),
+                str(document.get("began", "")),
             )
         except (ValueError, TypeError, KeyError, AttributeError) as error:
             raise InfoError(f"{source}: is damaged ({error})") from error
 
     def write(self, folder: Path) -> None:
-        """Write run.json into a run folder."""
-        text = json.dumps(self.to_json(), indent=1, allow_nan=False)
-        (folder / INFO_FILE).write_text(text + "\n", encoding="utf-8")
+        """Write run.json into a run folder, all of it or nothing.
+
+        It is written where room was set aside for it. As long as the run goes on, or has no bag,
+        room is set aside for the next one.
+        """
+        text = json.dumps(self.to_json(), indent=1, allow_nan=False) + "\n"
+        room = folder / f"{INFO_FILE}.new"
+        room.touch()
+        with room.open("r+b") as file:
+            file.write(text.encode())
+            file.truncate()
+        room.replace(folder / INFO_FILE)
+        if self.status is EndStatus.RUNNING:
+            with room.open("wb") as file:
+                os.posix_fallocate(file.fileno(), 0, ROOM)
 
     @classmethod
     def read(cls, folder: Path) -> Self | None:

@@ -1,20 +1,34 @@
-"""Where a run lies on disk; the run of a killed supervisor is finished first."""
+"""Where a run lies on disk; what its process did not come to is done first."""
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 from cacc_platoon.bags.raw import BagError
 from cacc_platoon.runs.folder import BAG, PARTS, SCENARIO_FILE, RunFolder
-from cacc_platoon.runs.info import INFO_FILE, EndStatus, RunInfo
+from cacc_platoon.runs.info import INFO_FILE, EndStatus, InfoError, RunInfo
+
+ENDED = {
+    EndStatus.RUNNING: "goes on",
+    EndStatus.FINISHED: "finished",
+    EndStatus.FAILED: "failed",
+    EndStatus.INTERRUPTED: "was interrupted",
+}
 
 
 def locate(path: Path) -> tuple[Path, Path | None]:
-    """Return the bag and the run folder around it; a killed run is finished first."""
+    """Return the bag and the run folder around it; a run whose process is gone is finished first.
+
+    Raises
+    ------
+    BagError
+        When the run goes on, or has recorded nothing.
+    """
     if not path.is_dir():
         return path, None
     folder = RunFolder(path)
-    if folder.parts.is_dir() and not folder.bag.exists():
+    if not folder.bag.exists() and (folder.parts.is_dir() or (path / INFO_FILE).is_file()):
         _salvage(folder)
     if folder.bag.is_dir():
         return folder.bag, path
@@ -25,8 +39,17 @@ def locate(path: Path) -> tuple[Path, Path | None]:
     return path, None
 
 
+def how_it_ended(info: RunInfo) -> str:
+    """Say what run.json says of the end of a run."""
+    ended = f"the run {ENDED[info.status]}"
+    return f"{ended}: {info.message}" if info.message else ended
+
+
 def _salvage(folder: RunFolder) -> None:
-    """Make the bag of a run whose supervisor was killed."""
+    """Make the bag of a run whose process did not come to it."""
+    if not folder.hold():
+        raise BagError(f"{folder.path}: {_going_on(folder)}. Wait until it has ended.")
+    info = _last_word(folder)
     try:
         recording = folder.recording()
         scenario = folder.scenario()
@@ -35,9 +58,34 @@ def _salvage(folder: RunFolder) -> None:
             f"{folder.path}: its {PARTS}/ cannot be read ({error}). Run it again."
         ) from error
     if not any(len(record.messages) for record in recording.values()):
-        raise BagError(f"{folder.path}: the run ended before anything was recorded. Run it again.")
-    folder.finish(
-        scenario,
-        recording,
-        RunInfo(EndStatus.FAILED, "its supervisor was killed; this is what had been recorded"),
-    )
+        raise BagError(f"{folder.path}: nothing was recorded; {how_it_ended(info)}. Run it again.")
+    folder.finish(scenario, recording, info)
+
+
+def _going_on(folder: RunFolder) -> str:
+    """Say who holds a folder."""
+    try:
+        info = RunInfo.read(folder.path)
+    except InfoError:
+        info = None
+    if info is None or info.pid is None:
+        return "another process is at it"
+    return f"process {info.pid} is at it, since {info.began}"
+
+
+def _last_word(folder: RunFolder) -> RunInfo:
+    """Return how a run ended whose process is gone, as far as that can be known."""
+    try:
+        info = RunInfo.read(folder.path)
+    except InfoError:
+        info = None
+    if info is None:
+        return RunInfo(
+            EndStatus.FAILED, "its supervisor was killed; this is what had been recorded"
+        )
+    if info.status is not EndStatus.RUNNING:
+        return info.with_bag()
+    killed = f"its supervisor was killed (process {info.pid} is gone)"
+    info = dataclasses.replace(info, status=EndStatus.FAILED, message=killed)
+    info.write(folder.path)
+    return info

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
+from errno import ENOENT
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +34,7 @@ class PartWriter:
 
     def __init__(self, folder: Path, topics: list[Topic]) -> None:
         folder.mkdir(parents=True)
+        self._folder, self._made = folder, folder.stat()
         topics_index = [
             {
                 "name": topic.name,
@@ -49,16 +52,34 @@ class PartWriter:
         self.writers = {name: file.write for name, file in self._files.items()}
 
     def flush(self) -> None:
-        """Hand everything to the operating system; harmless once closed."""
+        """Hand everything to the operating system; harmless once closed.
+
+        Raises
+        ------
+        OSError
+            When the disk does not take it, or the files are no longer where they were made.
+        """
         for file in self._files.values():
             if not file.closed:
                 file.flush()
+                if not os.fstat(file.fileno()).st_nlink:
+                    raise FileNotFoundError(ENOENT, "deleted while the run goes on", file.name)
+        if not _is(self._folder, self._made):
+            raise FileNotFoundError(ENOENT, "moved while the run goes on", str(self._folder))
 
     def close(self) -> None:
         """Flush and close as far as the disk lets it; harmless when done twice."""
         for file in self._files.values():
             with contextlib.suppress(OSError):
                 file.close()
+
+
+def _is(path: Path, made: os.stat_result) -> bool:
+    """Return whether a path still leads to what was made there."""
+    try:
+        return os.path.samestat(path.stat(), made)
+    except FileNotFoundError:
+        return False
 
 
 def read_parts(folders: list[Path]) -> dict[str, TopicRows]:

@@ -19,6 +19,7 @@ from cacc_platoon.model import Link, RecordedMotion
 from cacc_platoon.runs.arrivals import counted_rows, prompt_arrivals, read_arrivals
 from cacc_platoon.runs.find_platoons import FoundPlatoon, find_platoons
 from cacc_platoon.runs.info import INFO_FILE, EndStatus, InfoError, RunInfo
+from cacc_platoon.runs.locate import how_it_ended
 from cacc_platoon.runs.recorded_scenario import (
     cut_to_samples,
     fit_to_topics,
@@ -105,6 +106,8 @@ def read_run(
     raw = read_bag(bag, progress)
     info = _read_info(folder, raw)
     notes = [*_unfinished(info), *raw.damage]
+    if _unfinished(info) and not any(found.messages for found in find_platoons(raw.topics)):
+        raise BagError(f"{folder}: nothing was recorded; {notes[0]}. Run it again.")
     scenario = identify(raw, folder, scenario, namespace, notes)
     graph = Graph.of(scenario)
     before = len(notes)
@@ -228,8 +231,7 @@ def _unfinished(info: RunInfo | None) -> list[str]:
     """Say what run.json says of a run that did not end well."""
     if info is None or info.status == EndStatus.FINISHED:
         return []
-    ended = "was interrupted" if info.status == EndStatus.INTERRUPTED else "failed"
-    return [f"the run {ended}: {info.message}" if info.message else f"the run {ended}"]
+    return [how_it_ended(info)]
 
 
 def _why_no_platoon(raw: RawBag) -> str:

@@ -23,6 +23,7 @@ from cacc_platoon.supervision.run_events import (
     FollowRecorder,
     GraphObserved,
     HostReported,
+    MeansLost,
     ObserveGraph,
     ProcessEnded,
     PublishHorizon,
@@ -36,8 +37,11 @@ from cacc_platoon.supervision.run_events import (
 from cacc_platoon.supervision.run_machine import RunMachine
 from cacc_platoon.supervision.run_state import Run, Stage, some
 from cacc_platoon.supervision.supervisor_node import SupervisorNode, end_supervisor
+from cacc_platoon.time_limit import time_limit
 
 TICK = 0.02
+DDS_LIMIT = 10.0
+"""How long nodes may take to end [s]; a mutex of a killed process would hold them for ever."""
 
 Observer = Callable[[str, int, int], None]
 """Called with what is going on, the sample reached and the number of samples."""
@@ -69,6 +73,10 @@ class Crew:
 
     def poll(self) -> None:
         """Do what has to be done periodically."""
+
+    def trouble(self) -> str:
+        """Say what the run cannot do without and has lost; empty as long as all is there."""
+        return self.processes.trouble()
 
     def close(self) -> None:
         """End what is left of the hosts."""
@@ -122,7 +130,10 @@ class Conductor:
         node.feed = self.feed
 
     def conduct(self) -> EndRun:
-        """Bring the run to its end, and end every process and node; return how it ended."""
+        """Bring the run to its end, and end every process; return how it ended.
+
+        The nodes of this process stay until `leave`: what must not be lost is saved before.
+        """
         LOG.info("run %s: %s", self.run.id, self.run.stage)
         try:
             end = self._conduct()
@@ -130,12 +141,16 @@ class Conductor:
             self._crew.processes.stop(patience=0.0)
             raise
         self._crew.close()
-        self._executor.shutdown()
-        for node in self._crew.nodes:
-            node.destroy_node()
-        end_supervisor(self._node)
-        shared_memory.sweep()
         return end
+
+    def leave(self, exit_code: int) -> None:
+        """End the nodes of this process; where that takes too long, the process, with a code."""
+        with time_limit(DDS_LIMIT, exit_code):
+            self._executor.shutdown()
+            for node in self._crew.nodes:
+                node.destroy_node()
+            end_supervisor(self._node)
+            shared_memory.sweep()
 
     def _conduct(self) -> EndRun:
         while self.run.end is None or self.run.stage is not Stage.OVER:
@@ -163,6 +178,8 @@ class Conductor:
         for ended in self._crew.processes.ended():
             if ended.host not in self.run.ended_processes:
                 self.feed(ended)
+        if (trouble := self._crew.trouble()) and trouble not in self.run.refused:
+            self.feed(MeansLost(trouble))
         if self.run.stage is Stage.MATCHING:
             connected = self._node.connected_recorders(self.run.recorded)
             if connected != self.run.connected:
@@ -210,6 +227,8 @@ def _log_event(event: Event, run: Run) -> None:
             LOG.info("%s", "; ".join(foreign))
         case ProcessEnded(host, pid, how):
             LOG.info("host %s (process %d) %s", host, pid, how)
+        case MeansLost(reason):
+            LOG.info("%s", reason)
         case SignalReceived(name):
             LOG.info("stopped by %s", name)
 

@@ -21,10 +21,11 @@ from cacc_platoon.nodes.noise_relay import NoiseRelayNode
 from cacc_platoon.nodes.recorder import RecorderNode
 from cacc_platoon.nodes.vehicle import VehicleNode
 from cacc_platoon.scenario.names import NodeKind
-from cacc_platoon.stop_signal import StopSignal
+from cacc_platoon.stop_signal import STOP_SIGNALS, StopSignal
 from cacc_platoon.supervision.host_plan import HostPlan
 from cacc_platoon.supervision.host_session import HostSession
 from cacc_platoon.supervision.log import LOG, log_to_stderr, logging_to
+from cacc_platoon.time_limit import time_limit
 from msg_adapters.topics import Graph
 
 NODE_CLASSES: dict[NodeKind, type[LeaderNode | VehicleNode | NoiseRelayNode]] = {
@@ -34,6 +35,8 @@ NODE_CLASSES: dict[NodeKind, type[LeaderNode | VehicleNode | NoiseRelayNode]] = 
 }
 POLL_PERIOD = 0.05
 FLUSH_PERIOD = 0.5
+DDS_LIMIT = 10.0
+"""How long the nodes of a host may take to end [s]."""
 
 
 def run_host(plan: HostPlan, lifeline: Connection) -> None:
@@ -74,9 +77,11 @@ def run_host(plan: HostPlan, lifeline: Connection) -> None:
 
 
 def host_signals() -> StopSignal:
-    """From now on SIGTERM ends this host cleanly; a Ctrl-C is for the supervisor alone."""
+    """From now on SIGTERM ends this host cleanly; what a terminal sends is for the supervisor."""
+    for number in (signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)
     stop = StopSignal(signal.SIGTERM)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, STOP_SIGNALS)
     return stop
 
 
@@ -99,13 +104,14 @@ def serve(
         if recorder:
             recorder.close()
     session.close()
-    with shared_memory.cleared_segments():
+    exit_code = 0 if session.finished else stop.exit_code or 1
+    with time_limit(DDS_LIMIT, exit_code), shared_memory.cleared_segments():
         executor.shutdown()
         for node in nodes:
             node.destroy_node()
         rclpy.try_shutdown()
     shared_memory.sweep()
-    return 0 if session.finished else 1
+    return exit_code
 
 
 def _spin(
@@ -125,8 +131,11 @@ def _spin(
             if recorder:
                 recorder.flush()
         if (name := stop.received()) and not session.ended:
-            session.fail(f"host {session.host} was stopped by {name}")
+            session.fail(f"{session} was stopped by {name}")
             return
         if orphaned() or session.abandoned:
             LOG.info("host %s: the supervisor is gone", session.host)
+            return
+        if session.unmet:
+            LOG.info("host %s: %s", session.host, session.unmet)
             return

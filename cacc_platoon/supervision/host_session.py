@@ -27,7 +27,11 @@ from cacc_platoon.supervision.protocol import (
     ProtocolError,
     RunStatus,
 )
+from cacc_platoon.supervision.run_state import some
 from msg_adapters.topics import PlatoonTopics
+
+SUPERVISOR_LIMIT = 10.0
+"""So many start time-outs a host waits for a run."""
 
 
 class HostSession:
@@ -76,6 +80,9 @@ class HostSession:
             parameters={} if run else self._parameters(),
         )
         self._misunderstood = False
+        self._start_timeout = scenario.run.start_timeout
+        self._wait = SUPERVISOR_LIMIT * self._start_timeout
+        self._waits_since = time.monotonic()
         self._machine = HostMachine(state, 2.0 * scenario.run.stall_timeout + 5.0)
         topics, carrier = PlatoonTopics(scenario.platoon.namespace), self._nodes[0]
         self._publisher = carrier.create_publisher(String, topics.host_state, _many_latched())
@@ -84,6 +91,11 @@ class HostSession:
         self._publish()
         if failure:
             self.fail(failure)
+
+    def __str__(self) -> str:
+        """Name the host, its process and its nodes."""
+        state = self._machine.state
+        return f"host {state.host} (process {state.pid}: {some(state.nodes)})"
 
     @property
     def host(self) -> str:
@@ -104,6 +116,16 @@ class HostSession:
     def abandoned(self) -> bool:
         """Whether the supervisor was there once and has fallen silent."""
         return self._machine.abandoned(time.monotonic())
+
+    @property
+    def unmet(self) -> str:
+        """Why no run is waited for any longer; empty while one is, and once one was met."""
+        if self._machine.status or time.monotonic() - self._waits_since < self._wait:
+            return ""
+        return (
+            f"no supervisor has come for {self._wait:g} s. Start it sooner, or raise "
+            "run.start_timeout."
+        )
 
     def poll(self) -> None:
         """Report failures, and connections while the supervisor waits for them."""
@@ -131,6 +153,8 @@ class HostSession:
             return
         except ProtocolError:
             return  # the supervisor sees in the graph who else publishes there
+        if status.phase.ended and self._wait > self._start_timeout:  # that run will not come again
+            self._wait, self._waits_since = self._start_timeout, time.monotonic()
         known = self._machine.status
         self._go_on(self._machine.take_status(status, time.monotonic()))
         if self._machine.status is status and (known is None or known.phase is not status.phase):

@@ -8,7 +8,7 @@ from cacc_platoon.runs.info import EndStatus
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.supervision.run_events import EndRun
 from cacc_platoon.supervision.run_state import joined
-from cacc_platoon.supervision.stall_diagnosis import diagnose
+from cacc_platoon.supervision.stall_diagnosis import last_sample, stopped_first
 
 
 def lacking(topics: Iterable[str], samples: int, counts: Mapping[str, int]) -> str:
@@ -45,9 +45,10 @@ def conclude(
     counts : mapping of str to int
         How many samples of each topic were recorded.
     """
-    status, message = end.status, end.message
+    status, message, stalled = end.status, end.message, end.stalled
     if status is EndStatus.FINISHED and (short := lacking(topics, scenario.samples, counts)):
-        status, message = EndStatus.FAILED, short
+        status, message, stalled = EndStatus.FAILED, short, True
     if status is EndStatus.FAILED:
-        message = joined([message, *end.silent, diagnose(scenario, counts)])
+        who = stopped_first(scenario, counts) if stalled else []
+        message = joined([message, *end.silent, *who, last_sample(scenario, counts)])
     return status, message

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
+import dataclasses
 import multiprocessing
 import os
+import shutil
 import time
 import uuid
 from collections.abc import Callable, Sequence
@@ -17,7 +20,7 @@ from cacc_platoon.dds import shared_memory
 from cacc_platoon.dds.environment import is_local
 from cacc_platoon.nodes.executor import create_executor
 from cacc_platoon.nodes.recorder import RecorderNode
-from cacc_platoon.runs.folder import RunFolder
+from cacc_platoon.runs.folder import UNFINISHED, RunFolder
 from cacc_platoon.runs.info import EndStatus, RunInfo
 from cacc_platoon.runs.parts import read_parts
 from cacc_platoon.scenario import Scenario
@@ -49,11 +52,15 @@ class Outcome:
         Why it did not finish; empty otherwise.
     info : RunInfo
         What run.json says.
+    leave : callable
+        To be called with an exit code when everything that counts is saved: it ends the node of the
+        supervisor, and where that takes too long, the process with that exit code.
     """
 
     status: EndStatus
     message: str
     info: RunInfo
+    leave: Callable[[int], None]
 
 
 def run_platoon(
@@ -61,8 +68,11 @@ def run_platoon(
     path: Path,
     observe: Observer = lambda *_: None,
     stopped: Callable[[], str | None] = lambda: None,
+    insisted: Callable[[], bool] = lambda: False,
 ) -> Outcome:
     """Run a scenario on real nodes and leave a finished run folder.
+
+    From the moment the folder is there, its run.json is true, whatever ends the run.
 
     Parameters
     ----------
@@ -74,6 +84,8 @@ def run_platoon(
         Receives the progress.
     stopped : callable, optional
         Returns the name of a signal that asks for the end of the run, or None.
+    insisted : callable, optional
+        Returns whether it was asked for again: then the bag is left to `platoon report`.
 
     Raises
     ------
@@ -91,8 +103,36 @@ def run_platoon(
         end_supervisor(node)
         raise
     with logging_to(folder.logs / f"{OWN_HOST}.log"):
-        conductor = _conduct(node, folder, plans, run_id, observe=observe, stopped=stopped)
-        return _finish(folder, scenario, conductor, observe)
+        conductor = _conductor(node, folder, plans, run_id, observe=observe, stopped=stopped)
+        try:
+            conductor.conduct()
+            return _finish(folder, scenario, conductor, _until(insisted, observe))
+        except BaseException as error:
+            _say_what_happened(folder, error)
+            raise
+
+
+class _InsistedError(Exception):
+    """The process is to end now; what can be done later is left for later."""
+
+
+def _until(insisted: Callable[[], bool], observe: Observer) -> Callable[[int, int], None]:
+    """Return what observes how the bag is written, and stops it."""
+
+    def report(done: int, total: int) -> None:
+        observe("writing the bag", done, total)
+        if insisted():
+            raise _InsistedError
+
+    return report
+
+
+def _say_what_happened(folder: RunFolder, error: BaseException) -> None:
+    """Write a run.json for a run that ended in a way that nobody has thought of."""
+    what = " ".join(f"{type(error).__name__}: {error}".split())
+    info = dataclasses.replace(folder.begun, status=EndStatus.FAILED, message=what)
+    with contextlib.suppress(OSError):
+        info.without_bag().write(folder.path)
 
 
 def _plans(scenario: Scenario, path: Path, run_id: str) -> list[HostPlan]:
@@ -119,7 +159,7 @@ class RunCrew(Crew):
         The hosts to start.
     executor : Executor
         Spins the recorder.
-    part : Path
+    folder : RunFolder
         Where it records.
     """
 
@@ -129,11 +169,12 @@ class RunCrew(Crew):
         run_id: str,
         plans: Sequence[HostPlan],
         executor: Executor,
-        part: Path,
+        folder: RunFolder,
     ) -> None:
         super().__init__()
         self._scenario, self._run_id, self._plans = scenario, run_id, plans
-        self._executor, self._part = executor, part
+        self._executor, self._folder = executor, folder
+        self._trouble = ""
         self._recorder: RecorderNode | None = None
         self._session: HostSession | None = None
         self._flushed = time.monotonic()
@@ -145,7 +186,8 @@ class RunCrew(Crew):
     def record_the_rest(self, topics: Sequence[str]) -> None:
         """Record topics in this process."""
         recorded = [topic for topic in Graph.of(self._scenario).recorded if topic.name in topics]
-        self._recorder = RecorderNode(self._scenario, OWN_HOST, recorded, self._part)
+        part = self._folder.parts / OWN_HOST
+        self._recorder = RecorderNode(self._scenario, OWN_HOST, recorded, part)
         self.nodes.append(self._recorder)
         self._executor.add_node(self._recorder)
         self._session = HostSession(
@@ -166,6 +208,12 @@ class RunCrew(Crew):
             shared_memory.note_segments()
             if self._recorder:
                 self._recorder.flush()
+            if not self._folder.parts.is_dir():
+                self._trouble = f"{self._folder.parts}: was deleted or moved while the run goes on"
+
+    def trouble(self) -> str:
+        """Say what the run cannot do without and has lost."""
+        return self._trouble or super().trouble()
 
     def close_own_host(self) -> None:
         """Say that the host in this process is done."""
@@ -179,7 +227,7 @@ class RunCrew(Crew):
             self._recorder.close()
 
 
-def _conduct(
+def _conductor(
     node: SupervisorNode,
     folder: RunFolder,
     plans: Sequence[HostPlan],
@@ -188,23 +236,22 @@ def _conduct(
     observe: Observer,
     stopped: Callable[[], str | None],
 ) -> Conductor:
-    """Bring the run from its beginning to its end."""
+    """Return who brings the run from its beginning to its end."""
     scenario, executor = node.scenario, create_executor()
     executor.add_node(node)
     shared_memory.note_segments()
     machine = RunMachine(scenario, [topic.name for topic in Graph.of(scenario).recorded])
-    crew = RunCrew(scenario, run_id, plans, executor, folder.parts / OWN_HOST)
-    conductor = Conductor(
-        node, executor, machine, crew, run_id=run_id, observe=observe, stopped=stopped
-    )
-    conductor.conduct()
-    return conductor
+    crew = RunCrew(scenario, run_id, plans, executor, folder)
+    return Conductor(node, executor, machine, crew, run_id=run_id, observe=observe, stopped=stopped)
 
 
 def _finish(
-    folder: RunFolder, scenario: Scenario, conductor: Conductor, observe: Observer
+    folder: RunFolder,
+    scenario: Scenario,
+    conductor: Conductor,
+    progress: Callable[[int, int], None],
 ) -> Outcome:
-    """Write the bag and run.json."""
+    """Write run.json and the bag."""
     from cacc_platoon.runs.recording import recorded_samples  # noqa: PLC0415  (heavy)
 
     run = conductor.run
@@ -214,15 +261,23 @@ def _finish(
     counts = recorded_samples(recording, Graph.of(scenario))
     status, message = conclude(scenario, topics, run.end, counts)
     LOG.info("%s", ": ".join(filter(None, [status, message])))
-    info = _measured(conductor, scenario, status, message)
+    info = _measured(conductor, scenario, folder.begun, status, message)
     try:
-        info = folder.finish(
-            scenario, recording, info, lambda k, n: observe("writing the bag", k, n)
-        )
+        info = folder.finish(scenario, recording, info, progress)
     except OSError as error:
-        unwritten = f"the bag could not be written ({error.strerror}); `platoon report` tries again"
-        return Outcome(EndStatus.FAILED, "; ".join(filter(None, [message, unwritten])), info)
-    return Outcome(status, message, info)
+        why = error.strerror or str(error)
+        info = _without_bag(folder, info.without_bag(EndStatus.FAILED, why))
+    except _InsistedError:
+        info = _without_bag(folder, info.without_bag(EndStatus.INTERRUPTED, "stopped meanwhile"))
+    return Outcome(info.status, info.message, info, conductor.leave)
+
+
+def _without_bag(folder: RunFolder, info: RunInfo) -> RunInfo:
+    """Write the run.json of a run whose bag has to wait, in the room that half a bag takes."""
+    shutil.rmtree(folder.path / UNFINISHED, ignore_errors=True)
+    with contextlib.suppress(OSError):
+        info.write(folder.path)
+    return info
 
 
 def _parts_elsewhere(folder: RunFolder, run: Run) -> Recording:
@@ -231,13 +286,16 @@ def _parts_elsewhere(folder: RunFolder, run: Run) -> Recording:
     return read_parts([part for part in parts if folder.parts.absolute() not in part.parents])
 
 
-def _measured(conductor: Conductor, scenario: Scenario, status: EndStatus, message: str) -> RunInfo:
+def _measured(
+    conductor: Conductor, scenario: Scenario, begun: RunInfo, status: EndStatus, message: str
+) -> RunInfo:
     """Return how the run ended with its times, progress and hosts, for run.json."""
     run = conductor.run
     wall = 0.0 if run.started is None or run.ended is None else run.ended - run.started
-    return RunInfo(
-        status,
-        message,
+    return dataclasses.replace(
+        begun,
+        status=status,
+        message=message,
         samples=run.progress + 1,
         wall_time=wall,
         real_time_factor=scenario.run.duration / wall if wall else None,

@@ -8,6 +8,7 @@ window ahead of the answers.
 from __future__ import annotations
 
 import multiprocessing
+import signal
 import sys
 import uuid
 from bisect import bisect_right
@@ -231,6 +232,8 @@ def replay_node(
         stopped=stopped,
     )
     end = conductor.conduct()
+    name = conductor.run.signal
+    conductor.leave(128 + signal.Signals[name] if name else 1)
     if end.status is not EndStatus.FINISHED:
         raise ReplayFailedError(end.message)
     ends = {topic.name: counts[-1] for topic, counts in expected}

@@ -60,6 +60,13 @@ class ProcessEnded:
 
 
 @dataclass(frozen=True)
+class MeansLost:
+    """Something that the run cannot do without is gone; the line says what."""
+
+    reason: str
+
+
+@dataclass(frozen=True)
 class SignalReceived:
     """A signal asks for the end of the run."""
 
@@ -74,6 +81,7 @@ Event: TypeAlias = (
     | RecordersConnected
     | GraphObserved
     | ProcessEnded
+    | MeansLost
     | SignalReceived
 )
 
@@ -131,11 +139,14 @@ class EndRun:
         Why it did not finish; empty otherwise.
     silent : tuple of str
         A line for each host that did not take leave.
+    stalled : bool
+        Whether somebody stopped and nobody has said who; what was recorded tells.
     """
 
     status: EndStatus
     message: str = ""
     silent: tuple[str, ...] = ()
+    stalled: bool = False
 
 
 Action: TypeAlias = (

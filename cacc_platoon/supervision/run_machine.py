@@ -33,6 +33,7 @@ from cacc_platoon.supervision.run_events import (
     FollowRecorder,
     GraphObserved,
     HostReported,
+    MeansLost,
     MessageRefused,
     ObserveGraph,
     ProcessEnded,
@@ -158,7 +159,7 @@ class RunMachine:
                 step = self._judge_graph(run, foreign, now)
             case RecordersConnected(hosts):
                 step = run._replace(connected=hosts), []
-            case MessageRefused(reason):
+            case MessageRefused(reason) | MeansLost(reason):
                 step = _refuse(run, reason), []
             case ProcessEnded():
                 ended = {**run.ended_processes, event.host: event}
@@ -282,7 +283,8 @@ class RunMachine:
         if run.progress >= self.samples - 1:
             return self._leave(run._replace(ended=now), EndRun(EndStatus.FINISHED), now)
         if now - run.moved > self._stall_limit:
-            return self._fail(run, now, [self.stalled(run, self._stall_limit)])
+            message = self.stalled(run, self._stall_limit)
+            return self._leave(run, EndRun(EndStatus.FAILED, message, stalled=True), now)
         actions = self._look_now_and_then(run, now)
         if not self.scenario.run.real_time_factor:
             return run, actions

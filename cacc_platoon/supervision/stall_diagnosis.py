@@ -13,8 +13,8 @@ IN_TRANSIT = 2
 """Samples that a node may be behind its inputs while everything runs."""
 
 
-def diagnose(scenario: Scenario, samples: Mapping[str, int]) -> str:
-    """Name the node that stopped first, its last sample and what it had.
+def last_sample(scenario: Scenario, samples: Mapping[str, int]) -> str:
+    """Say up to which sample everything was recorded.
 
     Parameters
     ----------
@@ -25,12 +25,24 @@ def diagnose(scenario: Scenario, samples: Mapping[str, int]) -> str:
     """
     complete = min(samples.values(), default=0) - 1
     time = max(complete, 0) * scenario.run.step
-    last = f"the last complete sample is {complete} ({time:g} s)"
-    return "; ".join([*_furthest_behind(scenario, samples), last])
+    return f"the last complete sample is {complete} ({time:g} s)"
 
 
-def _furthest_behind(scenario: Scenario, samples: Mapping[str, int]) -> list[str]:
-    """Say which node is furthest behind what it has received, when it is more than in transit."""
+def stopped_first(scenario: Scenario, samples: Mapping[str, int]) -> list[str]:
+    """Name the node that is furthest behind what it has received, with its last sample.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        The run.
+    samples : mapping of str to int
+        How many samples of each topic were recorded.
+
+    Returns
+    -------
+    list of str
+        One line, or none where everybody is as far as messages in transit allow.
+    """
     found: list[tuple[int, str]] = []
     graph = Graph.of(scenario)
     for index in graph.topology.followers:

@@ -1,5 +1,6 @@
 """A run folder is never half a run: it can be finished, or it says why not."""
 
+import os
 import shutil
 from collections import namedtuple
 from pathlib import Path
@@ -7,9 +8,11 @@ from pathlib import Path
 import pytest
 from rosbags.rosbag2 import Reader
 
+from cacc_platoon.bags.raw import BagError
 from cacc_platoon.errors import UserError
 from cacc_platoon.runs.folder import RunFolder
-from cacc_platoon.runs.info import RunInfo
+from cacc_platoon.runs.info import NO_BAG, ROOM, EndStatus, RunInfo
+from cacc_platoon.runs.locate import locate
 from cacc_platoon.runs.parts import PartWriter
 from cacc_platoon.runs.recording import recording_of
 from cacc_platoon.scenario import Scenario
@@ -70,3 +73,61 @@ def test_a_message_cut_short_at_the_end_of_a_part_is_left_out(tmp_path: Path) ->
     victim.write_bytes(victim.read_bytes()[:-5])
     lengths = sorted(len(record.messages) for record in folder.recording().values())
     assert lengths == [1000] + [1001] * 10
+
+
+def said(folder: RunFolder) -> RunInfo:
+    """Return what run.json says, which has to be there."""
+    info = RunInfo.read(folder.path)
+    assert info
+    return info
+
+
+def test_a_new_folder_says_that_it_runs_and_who_runs_it(tmp_path: Path) -> None:
+    folder = RunFolder.create(tmp_path / "run", SCENARIO)
+    assert said(folder) == folder.begun
+    assert (said(folder).status, said(folder).pid) == (EndStatus.RUNNING, os.getpid())
+    assert (folder.path / "run.json.new").stat().st_blocks * 512 >= ROOM
+
+
+def test_a_folder_in_use_is_left_alone_and_one_out_of_use_is_finished(tmp_path: Path) -> None:
+    folder = recorded(tmp_path / "run")
+    path = folder.path
+    with pytest.raises(BagError, match=rf"process {os.getpid()} is at it, since 2.*Wait until"):
+        locate(path)
+    assert folder.parts.is_dir()
+    del folder
+    locate(path)
+    info = said(RunFolder(path))
+    assert info.message == f"its supervisor was killed (process {os.getpid()} is gone)"
+    assert (info.status, len(info.digest)) == (EndStatus.FAILED, 64)
+
+
+def test_a_run_that_ended_while_its_bag_was_written_ends_as_it_did(tmp_path: Path) -> None:
+    folder = recorded(tmp_path / "run")
+    path = folder.path
+
+    def interrupt(done: int, _: int) -> None:
+        if done:
+            raise KeyboardInterrupt
+
+    for status, message in ((EndStatus.FAILED, "no progress for 2 s"), (EndStatus.FINISHED, "")):
+        with pytest.raises(KeyboardInterrupt):
+            folder.finish(SCENARIO, folder.recording(), RunInfo(status, message), interrupt)
+        assert said(folder).message.endswith(NO_BAG)
+        assert said(folder).with_bag() == said(folder).with_bag().with_bag()
+        assert said(folder).with_bag().message == message
+    del folder
+    locate(path)
+    assert (said(RunFolder(path)).status, said(RunFolder(path)).message) == ("finished", "")
+
+
+def test_what_is_recorded_is_missed_when_it_is_gone(tmp_path: Path) -> None:
+    part = PartWriter(tmp_path / "part", Graph.of(SCENARIO).run_topics)
+    part.flush()
+    (tmp_path / "part").rename(tmp_path / "moved")
+    with pytest.raises(FileNotFoundError, match="moved"):
+        part.flush()
+    (tmp_path / "moved" / "0003.cdr").unlink()
+    with pytest.raises(FileNotFoundError, match="deleted"):
+        part.flush()
+    part.close()

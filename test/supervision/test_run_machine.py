@@ -475,7 +475,7 @@ def test_a_stall_ends_the_run_after_the_limit_and_not_before() -> None:
     play.after(1.9)
     assert play.run.stage is Stage.RUNNING
     play.after(0.2)
-    assert play.run.end == EndRun(EndStatus.FAILED, "no progress for 2 s")
+    assert play.run.end == EndRun(EndStatus.FAILED, "no progress for 2 s", stalled=True)
 
 
 def test_a_slow_pace_is_no_stall() -> None:
@@ -484,7 +484,7 @@ def test_a_slow_pace_is_no_stall() -> None:
     play.after(9.9)
     assert play.run.stage is Stage.RUNNING
     play.after(0.2)
-    assert play.run.end == EndRun(EndStatus.FAILED, "no progress for 10 s")
+    assert play.run.end == EndRun(EndStatus.FAILED, "no progress for 10 s", stalled=True)
 
 
 def test_one_recorder_alone_makes_no_progress() -> None:
@@ -733,6 +733,7 @@ def test_silent_hosts_are_named_and_not_waited_for_longer() -> None:
         EndStatus.FAILED,
         "no progress for 2 s",
         ("host rear (process 101: vehicle_1/vehicle, vehicle_1/noise_relay) does not answer",),
+        stalled=True,
     )
 
 

@@ -4,7 +4,7 @@ import pytest
 
 from cacc_platoon.model import Topology
 from cacc_platoon.scenario import Scenario
-from cacc_platoon.supervision.stall_diagnosis import diagnose
+from cacc_platoon.supervision.stall_diagnosis import last_sample, stopped_first
 from msg_adapters.topics import Graph, VehicleTopics
 
 SCENARIO = Scenario.from_values({"platoon.followers": 3, "run.duration": 1.0}, None, "test")
@@ -31,15 +31,18 @@ def counts_when(stopped: str, at: int, leader: int = 80) -> dict[str, int]:
 @pytest.mark.parametrize("kind", ["vehicle", "noise_relay"])
 def test_the_node_that_stopped_is_named(kind: str, index: int) -> None:
     node = f"vehicle_{index}/{kind}"
-    text = diagnose(SCENARIO, counts_when(node, at=31))
-    assert f"{node} stopped at sample 30" in text
-    assert "last complete sample is 30 (0.3 s)" in text
+    counts = counts_when(node, at=31)
+    [line] = stopped_first(SCENARIO, counts)
+    assert f"{node} stopped at sample 30" in line
+    assert last_sample(SCENARIO, counts) == "the last complete sample is 30 (0.3 s)"
 
 
 def test_what_is_in_transit_is_no_stop() -> None:
-    text = diagnose(SCENARIO, counts_when("nobody", at=0))
-    assert text == "the last complete sample is 79 (0.79 s)"
+    counts = counts_when("nobody", at=0)
+    assert stopped_first(SCENARIO, counts) == []
+    assert last_sample(SCENARIO, counts) == "the last complete sample is 79 (0.79 s)"
 
 
 def test_an_empty_run_names_nobody() -> None:
-    assert diagnose(SCENARIO, {}) == "the last complete sample is -1 (0 s)"
+    assert stopped_first(SCENARIO, {}) == []
+    assert last_sample(SCENARIO, {}) == "the last complete sample is -1 (0 s)"

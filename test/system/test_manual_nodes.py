@@ -1,6 +1,8 @@
 """A manually started node among supervisors that are not its own: it goes on waiting."""
 
 import os
+import re
+import signal
 import subprocess
 import sys
 import time
@@ -47,6 +49,17 @@ def status(domain: int) -> Iterator[Publisher]:
     rclpy.shutdown(context=context)
 
 
+def start(domain: int, log: Path, *arguments: str) -> Process:
+    """Start a vehicle that logs to a file."""
+    ros = ["--ros-args", "-r", "__ns:=/platoon/vehicle_2", *arguments]
+    with log.open("wb") as output:
+        return subprocess.Popen(
+            [sys.executable, "-c", CODE, *ros],
+            env={**os.environ, "ROS_DOMAIN_ID": str(domain)},
+            stderr=output,
+        )
+
+
 def wait(condition: Callable[[], bool], node: Process, log: Path) -> None:
     """Wait for a condition; the node has to live on."""
     deadline = time.monotonic() + PATIENCE
@@ -61,12 +74,7 @@ def test_a_node_waits_for_a_run_that_goes_on_and_that_it_understands(
 ) -> None:
     log = tmp_path / "log"
     status.publish(String(data=LAST))
-    with log.open("wb") as output:
-        node = subprocess.Popen(
-            [sys.executable, "-c", CODE, "--ros-args", "-r", "__ns:=/platoon/vehicle_2"],
-            env={**os.environ, "ROS_DOMAIN_ID": str(domain)},
-            stderr=output,
-        )
+    node = start(domain, log)
     newer = RunStatus("newer").to_json().replace(f'"format": {VERSION}', f'"format": {NEWER}')
 
     def say_until(text: str, words: str) -> None:
@@ -89,3 +97,40 @@ def test_a_node_waits_for_a_run_that_goes_on_and_that_it_understands(
     assert "run last" not in text
     assert text.count("of format") == 1, text
     assert f"understands format {VERSION}." in text
+
+
+def test_a_node_that_no_supervisor_comes_for_ends(domain: int, tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    node = start(domain, log, "-p", "run.start_timeout:=0.2")
+    assert node.wait(PATIENCE) == 1
+    assert "no supervisor has come for 2 s" in log.read_text()
+
+
+def test_a_node_that_comes_after_the_run_ends(
+    domain: int, status: Publisher, tmp_path: Path
+) -> None:
+    log = tmp_path / "log"
+    status.publish(String(data=LAST))
+    node = start(domain, log, "-p", "run.start_timeout:=3.0")
+    assert node.wait(PATIENCE) == 1
+    assert "no supervisor has come for 3 s" in log.read_text()
+
+
+def handled(pid: int, number: signal.Signals) -> bool:
+    """Return whether a process handles a signal."""
+    status = Path(f"/proc/{pid}/status").read_text()
+    (caught,) = re.findall(r"^SigCgt:\s*(\w+)", status, re.M)
+    return bool(int(caught, 16) & 1 << (number - 1))
+
+
+@pytest.mark.parametrize("seconds", [0.01, 0.1, 0.2, 0.3, 0.4, 0.5])
+def test_an_early_signal_is_not_lost(domain: int, tmp_path: Path, seconds: float) -> None:
+    """Once Python runs our code, a Ctrl-C ends it without a traceback, whatever it is loading."""
+    log = tmp_path / "log"
+    node = start(domain, log)
+    wait(lambda: handled(node.pid, signal.SIGHUP), node, log)
+    with pytest.raises(subprocess.TimeoutExpired):
+        node.wait(seconds)
+    node.send_signal(signal.SIGINT)
+    assert node.wait(PATIENCE) == 130
+    assert "Traceback" not in log.read_text()
