@@ -58,6 +58,11 @@ class HostProcesses:
             reader.close()
             self._running[plan.name] = (process, writer)
 
+    def started(self) -> dict[str, int]:
+        """Return the process of each host that has been started so far."""
+        running = [*self._running.items()]
+        return {name: process.pid for name, (process, _) in running if process.pid}
+
     def ended(self) -> list[ProcessEnded]:
         """Return the hosts that have ended."""
         found = []

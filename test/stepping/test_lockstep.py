@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from cacc_platoon.model import ComposedChannel, Delivery, State
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.simulation import simulate
+from cacc_platoon.stepping.deliveries import LockstepError
 from cacc_platoon.stepping.lockstep import (
-    LockstepError,
     LockstepFollower,
     LockstepLeader,
     LockstepRelay,

@@ -12,6 +12,12 @@ from hypothesis import strategies as st
 
 from cacc_platoon.runs.info import EndStatus, HostInfo
 from cacc_platoon.scenario import Scenario
+from cacc_platoon.supervision.belief import Belief, OwnHost, refusal
+from cacc_platoon.supervision.newcomers import (
+    ADVICE,
+    NEWCOMER_LOOKS,
+    NEWCOMER_WAIT,
+)
 from cacc_platoon.supervision.protocol import (
     VERSION,
     HostPhase,
@@ -40,15 +46,13 @@ from cacc_platoon.supervision.run_events import (
     Tick,
 )
 from cacc_platoon.supervision.run_machine import (
-    ADVICE,
     GOODBYE_TIMEOUT,
     GRAPH_PERIOD,
     HEARTBEAT_PERIOD,
-    NEWCOMER_WAIT,
     RunMachine,
-    refusal,
 )
 from cacc_platoon.supervision.run_state import Stage, some
+from msg_adapters.topics import Graph
 
 RUN = "f00d"
 TOPICS = ("/platoon/vehicle_0/pose", "/platoon/vehicle_1/pose")
@@ -80,6 +84,15 @@ def scenario(**settings: object) -> Scenario:
     return Scenario.from_values(values, None, "test")
 
 
+def belief(**settings: object) -> Belief:
+    """Return what the supervisor knows of FRONT, REAR and OWN."""
+    hosts = [
+        OwnHost(host.host, frozenset(host.nodes), frozenset(host.records), pid=host.pid)
+        for host in (FRONT, REAR, OWN)
+    ]
+    return Belief(Graph.of(scenario(**settings)), hosts)
+
+
 class Play:
     """A run of the machine: feeds events, lets time pass, keeps what it asks for.
 
@@ -87,7 +100,7 @@ class Play:
     """
 
     def __init__(self, machine: RunMachine | None = None, **settings: object) -> None:
-        self.machine = machine or RunMachine(scenario(**settings), TOPICS)
+        self.machine = machine or RunMachine(scenario(**settings), TOPICS, belief(**settings))
         self.now = 1000.0
         self.run = self.machine.begin(RUN, self.now)
         self.foreign: tuple[str, ...] = ()
@@ -124,7 +137,9 @@ class Play:
 
     def started(self) -> Play:
         """Bring it to where hosts are started."""
-        self.after(NEWCOMER_WAIT + TICK)
+        for _ in range(NEWCOMER_LOOKS):
+            self.after(NEWCOMER_WAIT / (NEWCOMER_LOOKS - 1))
+        self.after(TICK)
         assert self.run.stage is Stage.STARTING
         return self
 
