@@ -190,7 +190,7 @@ class Run:
     start_timeout: float = parameter(
         30.0,
         "s",
-        "how long no node may come or connect at the start; more with over 100 nodes",
+        "how long the start may make no progress; in proportion more from 100 nodes on",
         above=0.0,
     )
     stall_timeout: float = parameter(
@@ -204,7 +204,7 @@ class Record:
 
     directory: str = parameter("", "-", "the run folder, empty for runs/<scenario>-<UTC time>")
     parts: str = parameter(
-        "", "-", "the folder in which manually started nodes record, below which they are believed"
+        "", "-", "the folder below which manually started nodes record, with record:=DIR"
     )
     command: bool = parameter(False, "-", "whether vehicles publish u on command")
     spacing_error: bool = parameter(False, "-", "whether vehicles publish delta and e")

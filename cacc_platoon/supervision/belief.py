@@ -58,8 +58,8 @@ class OwnHost:
 def beyond(host: str, sample: int, reach: int) -> str:
     """Say that a recorder cannot be as far as a message claims."""
     return (
-        f"host {host}: reports sample {sample} as recorded, beyond the horizon {reach}: the message "
-        f"comes from {FOREIGN}"
+        f"host {host}: reports sample {sample} as recorded, beyond the horizon {reach}: the "
+        f"message comes from {FOREIGN}"
     )
 
 

@@ -59,12 +59,14 @@ from cacc_platoon.supervision.run_state import (
     Stage,
     connections_left,
     joined,
+    not_in_time,
     refuse,
     silent_hosts,
     some,
     summaries,
     unmatched,
     wanted_subscribers,
+    whose_process,
     warn,
 )
 from msg_adapters.topics import PlatoonTopics
@@ -387,12 +389,7 @@ class RunMachine:
 
     def late(self, run: Run, missing: Sequence[str], limit: float) -> str:
         """Say what has not come in time."""
-        matching = run.stage is Stage.MATCHING
-        what = "these connections are missing" if matching else "these nodes have not appeared"
-        return (
-            f"after {limit:g} s in which nothing came {what}: {some(missing)}. Start what is "
-            "missing, or raise run.start_timeout."
-        )
+        return not_in_time(run, missing, limit)
 
     def stalled(self, run: Run, limit: float) -> str:
         """Say that nothing moves on."""
@@ -400,6 +397,4 @@ class RunMachine:
 
     def process_ended(self, run: Run, ended: ProcessEnded) -> str:
         """Say whose process is gone."""
-        host = run.hosts.get(ended.host)
-        nodes = some(host.nodes if host else ["before it appeared"])
-        return f"host {ended.host} (process {ended.pid}: {nodes}) {ended.how}"
+        return whose_process(run, ended)

@@ -169,6 +169,23 @@ def silent_hosts(run: Run) -> list[str]:
     ]
 
 
+def not_in_time(run: Run, missing: Sequence[str], limit: float) -> str:
+    """Say what has not come although it was waited for."""
+    matching = run.stage is Stage.MATCHING
+    what = "these connections are missing" if matching else "these nodes have not appeared"
+    return (
+        f"for {limit:g} s nothing has come, and {what}: {some(missing)}. Start what is missing, or "
+        "raise run.start_timeout."
+    )
+
+
+def whose_process(run: Run, ended: ProcessEnded) -> str:
+    """Say which host's process is gone."""
+    host = run.hosts.get(ended.host)
+    nodes = some(host.nodes if host else ["before it appeared"])
+    return f"host {ended.host} (process {ended.pid}: {nodes}) {ended.how}"
+
+
 def summaries(run: Run) -> tuple[HostInfo, ...]:
     """Return name, process and nodes of every host, by name."""
     return tuple(HostInfo(name, h.pid, h.nodes) for name, h in sorted(run.hosts.items()))

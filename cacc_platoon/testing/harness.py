@@ -303,9 +303,20 @@ class Platoon:
 
     def send(self, message: Any, topic: str) -> None:
         """Publish one message on any topic, as a foreign publisher would."""
-        publisher = self._node.create_publisher(type(message), topic, qos.latched())
+        self.send_all([message], topic)
+
+    def send_all(self, messages: Sequence[Any], topic: str) -> None:
+        """Publish messages of one type on any topic, all at once."""
+        profile = qos.latched()
+        profile.depth = len(messages)
+        publisher = self.advertise(type(messages[0]), topic, profile)
         self._wait_matched(publisher)
-        publisher.publish(message)
+        for message in messages:
+            publisher.publish(message)
+
+    def advertise(self, message_type: type, topic: str, profile: QoSProfile | int) -> Publisher:
+        """Return a publisher on any topic that has sent nothing yet, as a foreign one."""
+        return self._node.create_publisher(message_type, topic, profile)
 
     def subscribe(
         self,

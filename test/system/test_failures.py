@@ -58,7 +58,8 @@ def test_a_killed_node_that_was_started_manually_ends_the_run(platoon: Start) ->
 
 
 def test_a_killed_recorder_ends_the_run(platoon: Start, tmp_path: Path) -> None:
-    run = platoon(*SMALL, "run.spawn=false", "run.stall_timeout=2")
+    parts = f"record.parts={tmp_path / 'parts'}"
+    run = platoon(*SMALL, "run.spawn=false", "run.stall_timeout=2", parts)
     run.start("recorder", parameters=[f"record:={tmp_path / 'parts'}"])
     run.wait_node("host_recorder/recorder")
     for node in run.scenario.node_names:
