@@ -25,12 +25,7 @@ from cacc_platoon.supervision.newcomers import (
     without_rival,
 )
 from cacc_platoon.supervision.pacing import furthest_sample, horizon, stall_limit, start_limit
-from cacc_platoon.supervision.protocol import (
-    HostState,
-    RunPhase,
-    RunStatus,
-    sendable,
-)
+from cacc_platoon.supervision.protocol import HostState, RunPhase, RunStatus, sendable
 from cacc_platoon.supervision.run_events import (
     Action,
     Announce,
@@ -66,8 +61,8 @@ from cacc_platoon.supervision.run_state import (
     summaries,
     unmatched,
     wanted_subscribers,
-    whose_process,
     warn,
+    whose_process,
 )
 from msg_adapters.topics import PlatoonTopics
 

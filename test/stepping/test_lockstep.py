@@ -83,7 +83,7 @@ def test_a_sample_that_comes_twice_says_from_where_on_nothing_can_be_trusted() -
         core.take_velocity(k * STEP, 25.0)
     with pytest.raises(LockstepError, match="; everything from sample 1 on may be wrong"):
         core.take_velocity(STEP, 25.0)
-    with pytest.raises(LockstepError, match="another publisher$"):
+    with pytest.raises(LockstepError, match=r"another publisher$"):
         core.take_velocity(7 * STEP, 25.0)
 
 
