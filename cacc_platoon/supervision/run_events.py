@@ -54,10 +54,13 @@ class GraphObserved:
         A line, which begins with the topic, for each that others publish.
     harmless : tuple of str
         A line for each publisher whose messages nobody of ours can receive.
+    settled : bool
+        Whether the graph tells the node of every publisher.
     """
 
     foreign: tuple[str, ...] = ()
     harmless: tuple[str, ...] = ()
+    settled: bool = True
 
 
 @dataclass(frozen=True)

@@ -166,9 +166,9 @@ class RunMachine:
                 step = self._with_heartbeat(*self._judge(run, now), now)
             case HostReported(state):
                 step = self._take_host(run, state)
-            case GraphObserved(foreign, harmless):
-                warned, warnings = warn(run, harmless)
-                run, actions = self._judge_graph(warned, foreign, now)
+            case GraphObserved():
+                warned, warnings = warn(run, event.harmless)
+                run, actions = self._judge_graph(warned, event, now)
                 step = run, [*warnings, *actions]
             case RivalHeard():
                 step = met(run, event, now, self._control[0]), []
@@ -258,11 +258,11 @@ class RunMachine:
     def _look(run: Run, _now: float) -> Step:
         return run, [] if run.stage is Stage.OVER else [ObserveGraph()]
 
-    def _judge_graph(self, run: Run, foreign: Sequence[str], now: float) -> Step:
-        run = run._replace(graph_checked=now, looks=run.looks + 1)
+    def _judge_graph(self, run: Run, graph: GraphObserved, now: float) -> Step:
+        run = run._replace(graph_checked=now, looks=run.looks + graph.settled)
         if run.stage in (Stage.LEAVING, Stage.OVER):
             return run, []
-        foreign = without_rival(run, foreign, now, self._control)
+        foreign = without_rival(run, graph.foreign, now, self._control)
         if foreign and run.stage is Stage.NAMING:
             return self._fail(run, now, [*run.failures[:NAMED_FAILURES], foreign[0], ADVICE])
         if foreign:

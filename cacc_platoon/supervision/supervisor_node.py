@@ -125,7 +125,7 @@ class SupervisorNode(Node):  # type: ignore[misc]
         allowed : mapping of str to frozenset of str
             The nodes that may publish each topic, one publisher each.
         """
-        foreign, harmless = [], []
+        foreign, harmless, settled = [], [], True
         if holder := self.lock.taken_by():
             foreign.append(f"{self._prefix} is a platoon in this domain already: {holder}")
         for topic in sorted(allowed):
@@ -134,15 +134,16 @@ class SupervisorNode(Node):  # type: ignore[misc]
             for info in self.get_publishers_info_by_topic(topic):
                 mute = _name(info) not in allowed[topic] and not self._can_be_heard(info, topic)
                 (deaf if mute else heard).append(info)
+            settled &= all(info.node_name != UNKNOWN for info in heard)
             if self._with_foreign(heard, allowed[topic]):
                 foreign.append(f"{topic} {_published_by(heard, allowed[topic])}")
             harmless += [f"{topic}: {_name(info)} publishes {_unheard(info)}" for info in deaf]
-        return GraphObserved(tuple(foreign), tuple(harmless))
+        return GraphObserved(tuple(foreign), tuple(harmless), settled)
 
     def _with_foreign(self, infos: Sequence[TopicEndpointInfo], allowed: frozenset[str]) -> bool:
         """Whether publishers are more than one of each node that is allowed."""
         known = [_name(info) for info in infos if info.node_name != UNKNOWN]
-        strange = len({*known} & allowed) < len(known) or len(infos) > len(allowed)
+        strange = len({*known} & allowed) < len(known) or 0 < len(allowed) < len(infos)
         return strange or any(self._stays_nameless(info) for info in infos)
 
     def _stays_nameless(self, info: TopicEndpointInfo) -> bool:
@@ -161,7 +162,7 @@ class SupervisorNode(Node):  # type: ignore[misc]
         numbers = topic.endswith("/recorded") or topic == self.topics.horizon
         wanted = kind or ("std_msgs/msg/Int64" if numbers else "std_msgs/msg/String")
         compatible, _ = qos_check_compatible(info.qos_profile, profile)
-        return info.topic_type == wanted and compatible is not QoSCompatibility.ERROR
+        return info.topic_type == wanted and compatible != QoSCompatibility.ERROR
 
     def outside_subscribers(self, nodes: Collection[str]) -> dict[str, int]:
         """Return how many subscribers each data topic has besides some nodes of the platoon.

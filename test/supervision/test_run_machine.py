@@ -252,6 +252,16 @@ def test_a_busy_machine_looks_as_often_and_so_for_longer() -> None:
     assert StartHosts() in play.after(10.0 * NEWCOMER_WAIT)
 
 
+def test_a_publisher_without_a_name_is_looked_at_again_before_anything_starts() -> None:
+    play = Play()
+    play.now += 10.0 * NEWCOMER_WAIT
+    for _ in range(3 * NEWCOMER_LOOKS):
+        assert play.feed(GraphObserved(settled=False)) == []
+    for _ in range(NEWCOMER_LOOKS - 1):
+        assert play.feed(GraphObserved()) == []
+    assert StartHosts() in play.feed(GraphObserved())
+
+
 def test_a_second_platoon_gives_way_before_it_has_published_anything() -> None:
     play = Play()
     play.foreign = ("/platoon/status has 2 publishers: /platoon/supervisor, /platoon/supervisor",)
