@@ -162,7 +162,7 @@ class SupervisorNode(Node):  # type: ignore[misc]
         numbers = topic.endswith("/recorded") or topic == self.topics.horizon
         wanted = kind or ("std_msgs/msg/Int64" if numbers else "std_msgs/msg/String")
         compatible, _ = qos_check_compatible(info.qos_profile, profile)
-        return info.topic_type == wanted and compatible != QoSCompatibility.ERROR
+        return bool(info.topic_type == wanted and compatible != QoSCompatibility.ERROR)
 
     def outside_subscribers(self, nodes: Collection[str]) -> dict[str, int]:
         """Return how many subscribers each data topic has besides some nodes of the platoon.

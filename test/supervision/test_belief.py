@@ -2,6 +2,7 @@
 
 import dataclasses
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -38,7 +39,7 @@ def belief(*, spawn: bool = True, manual: str = MANUAL, parts: str = "") -> Beli
 
 
 def doubt(
-    belief: Belief, state: HostState, *known: HostState, waiting: bool = True, **changes: object
+    belief: Belief, state: HostState, *known: HostState, waiting: bool = True, **changes: Any
 ) -> str:
     state = dataclasses.replace(state, **changes)
     return belief.doubt(state, {k.host: k for k in known}, {"0": 5}, waiting=waiting)

@@ -825,7 +825,7 @@ def test_who_spoke_for_a_host_before_its_process_was_known_is_judged_then() -> N
     play = Play(RunMachine(scenario(), TOPICS, Belief(Graph.of(scenario()), own))).started()
     play.feed(HostReported(FRONT), HostReported(REAR))
     play.feed(HostsStarted({"front": 100}))
-    assert play.run.refused == ()
+    assert not play.run.refused
     play.feed(HostsStarted({"front": 100, "rear": 77}))
     assert "host rear: process 101 speaks for it, but it is process 77" in play.run.refused[0]
 

@@ -117,7 +117,7 @@ def texts(seed: int, genuine: str) -> list[str]:
     """Return texts that no host and no supervisor of ours sends; the same for the same seed."""
     draw = random.Random(seed)
     fields = json.loads(genuine)
-    values = [
+    values: list[Any] = [
         *(None, True, -1, 10**400, 1e308, float("nan"), float("-inf"), [], {}, [[]], {"a": [1]}),
         *("", "\ud800", "\0", "a b", "x/../y", "é" * 200, "x" * 20_000, "a\n\x1b[2J", "__", "a__b"),
     ]

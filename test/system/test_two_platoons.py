@@ -77,7 +77,7 @@ def short_path() -> Iterator[str]:
 def test_the_first_finishes_with_its_digest(
     platoon: Start, tmp_path: Path, short_path: str, elsewhere: bool
 ) -> None:
-    run = platoon(*SETTINGS, hosts=2)
+    run = platoon(*SETTINGS, "run.duration=100", hosts=2)
     run.wait_state("running")
     process = second(run, tmp_path / "second", short_path if elsewhere else "")
     line = given_way(process, tmp_path / "second")
