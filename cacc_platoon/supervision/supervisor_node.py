@@ -41,7 +41,7 @@ from msg_adapters.topics import Graph
 
 MAX_HOSTS = 1000
 UNKNOWN = "_NODE_NAME_UNKNOWN_"
-NAMELESS_LIMIT = 2.0
+NAMELESS_LIMIT = 10.0
 """How long the graph may take to tell the node of a publisher that it shows [s]."""
 REMEMBERED = 100
 """Statuses that this node knows for its own when they come back."""
