@@ -6,22 +6,24 @@ start at once do not see each other. A lock decides at once, and goes with the p
 
 from __future__ import annotations
 
-import contextlib
-import fcntl
+import errno
 import hashlib
 import os
-import stat
-import tempfile
+import socket
+import struct
 from collections.abc import Mapping
-from pathlib import Path
 
-_NETWORK = Path("/proc/self/ns/net")
 _APART = ("ROS_DOMAIN_ID", "ROS_DISCOVERY_SERVER")
 """Processes with other values of these do not find each other."""
+_CREDENTIALS = struct.Struct("iII")
+_QUEUE = 128
 
 
 class PlatoonLock:
     """Holds the name of a platoon until the process ends or the lock is dropped.
+
+    It is held by the name of a socket that lives as long as the process, in the network namespace,
+    which is where a domain is.
 
     Parameters
     ----------
@@ -32,49 +34,51 @@ class PlatoonLock:
     """
 
     def __init__(self, prefix: str, environment: Mapping[str, str]) -> None:
-        network = _NETWORK.stat().st_ino if _NETWORK.exists() else 0
-        domain = [environment.get(name) or "0" for name in _APART]
-        key = "\n".join([prefix, str(network), *domain])
-        self._name = f"platoon-{hashlib.sha256(key.encode(errors='replace')).hexdigest()[:32]}"
-        self._file = -1
+        key = "\n".join([prefix, *(environment.get(name, "").strip() or "0" for name in _APART)])
+        digest = hashlib.sha256(key.encode(errors="replace")).hexdigest()[:32]
+        self._name = f"\0cacc_platoon-{os.getuid()}-platoon-{digest}"
+        self._socket: socket.socket | None = None
 
     def taken_by(self) -> str:
         """Take the name, or say which process has it; empty once it is held here.
 
-        Where the lock cannot be had for other reasons, the graph alone has to tell.
+        What another user holds does not count: then the graph alone has to tell.
         """
-        if self._file >= 0:
+        if self._socket:
             return ""
-        with contextlib.suppress(OSError):
-            flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC
-            file = os.open(_folder() / self._name, flags, 0o600)
-            try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                holder = os.read(file, 20).decode(errors="replace").strip()
-                os.close(file)
-                return (
-                    f"process {holder} of this machine runs it"
-                    if holder
-                    else "another process runs it"
-                )
-            os.ftruncate(file, 0)
-            os.write(file, f"{os.getpid()}\n".encode())
-            self._file = file
+        own = _socket()
+        try:
+            own.bind(self._name)
+            own.listen(_QUEUE)
+        except OSError as error:
+            own.close()
+            return self._holder() if error.errno == errno.EADDRINUSE else ""
+        self._socket = own
         return ""
 
     def drop(self) -> None:
         """Let others have the name."""
-        if self._file >= 0:
-            os.close(self._file)
-            self._file = -1
+        if self._socket:
+            self._socket.close()
+            self._socket = None
+
+    def _holder(self) -> str:
+        """Say which process of this user holds the name; empty when none does."""
+        with _socket() as asking:
+            try:
+                asking.connect(self._name)
+            except BlockingIOError:
+                return "another process of this machine runs it"
+            except OSError:
+                return ""  # it has just ended
+            credentials = asking.getsockopt(
+                socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size
+            )
+        pid, user, _ = _CREDENTIALS.unpack(credentials)
+        return f"process {pid} of this machine runs it" if user == os.getuid() else ""
 
 
-def _folder() -> Path:
-    """Return the folder of the locks, which is this user's alone, or raise OSError."""
-    folder = Path(tempfile.gettempdir()) / f"cacc_platoon-domains-{os.getuid()}"
-    folder.mkdir(mode=0o700, exist_ok=True)
-    found = folder.lstat()
-    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid() or found.st_mode & 0o022:
-        raise PermissionError(f"{folder} is not this user's alone")
-    return folder
+def _socket() -> socket.socket:
+    made = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    made.setblocking(False)
+    return made

@@ -3,9 +3,6 @@
 import os
 import subprocess
 import sys
-import tempfile
-from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
@@ -13,19 +10,10 @@ from cacc_platoon.dds.platoon_lock import PlatoonLock
 
 HOLD = (
     "import sys; from cacc_platoon.dds.platoon_lock import PlatoonLock; "
-    "print(PlatoonLock('/platoon', {'ROS_DOMAIN_ID': '7'}).taken_by() or 'held', flush=True); "
-    "sys.stdin.read()"
+    "lock = PlatoonLock('/platoon', {'ROS_DOMAIN_ID': '1007'}); "
+    "print(lock.taken_by() or 'held', flush=True); sys.stdin.read()"
 )
-HERE = {"ROS_DOMAIN_ID": "7"}
-
-
-@pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """Keep the locks of this test to itself."""
-    monkeypatch.setenv("TMPDIR", str(tmp_path))
-    monkeypatch.setattr(tempfile, "tempdir", None)
-    yield tmp_path
-    tempfile.tempdir = None
+HERE = {"ROS_DOMAIN_ID": "1007"}
 
 
 def test_one_process_holds_a_name_until_it_is_gone() -> None:
@@ -56,7 +44,7 @@ def test_a_name_that_is_dropped_is_free() -> None:
     ("prefix", "environment"),
     [
         ("/other", HERE),
-        ("/platoon", {"ROS_DOMAIN_ID": "8"}),
+        ("/platoon", {"ROS_DOMAIN_ID": "1008"}),
         ("/platoon", {}),
         ("/platoon", {**HERE, "ROS_DISCOVERY_SERVER": "localhost:11811"}),
     ],
@@ -69,14 +57,14 @@ def test_another_name_or_domain_is_free(prefix: str, environment: dict[str, str]
     other.drop()
 
 
-def test_a_link_that_somebody_else_laid_is_not_followed(folder: Path) -> None:
-    lock = PlatoonLock("/platoon", HERE)
-    assert lock.taken_by() == ""
-    (file,) = folder.glob("*/platoon-*")
-    lock.drop()
-    file.unlink()
-    precious = folder / "precious"
-    precious.write_text("precious")
-    file.symlink_to(precious)
-    assert lock.taken_by() == "", "the graph alone has to tell"
-    assert precious.read_text() == "precious"
+def test_a_name_that_another_user_holds_does_not_keep_a_run_away(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Whoever took a name of this user, which anybody can, is told by the kernel's word."""
+    first, second = PlatoonLock("/platoon", HERE), PlatoonLock("/platoon", HERE)
+    assert first.taken_by() == ""
+    assert second.taken_by()
+    user = os.getuid()
+    monkeypatch.setattr(os, "getuid", lambda: user + 1)
+    assert second.taken_by() == "", "the graph alone has to tell"
+    first.drop()

@@ -4,9 +4,8 @@ import os
 import random
 import subprocess
 import sys
-import tempfile
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -22,6 +21,11 @@ from msg_adapters.topics import Graph
 SETTINGS = ("run.duration=20", "platoon.followers=3", "run.real_time_factor=10")
 """Two seconds of wall time."""
 PATIENCE = 60.0
+PLATOON = "import runpy; runpy.run_module('cacc_platoon', run_name='__main__')"
+UNLOCKED = (
+    "from cacc_platoon.dds.platoon_lock import PlatoonLock; "
+    f"PlatoonLock.taken_by = lambda lock: ''; {PLATOON}"
+)
 
 Start = Callable[..., Platoon]
 Process = subprocess.Popen[str]
@@ -32,16 +36,16 @@ def digest(scenario: Scenario) -> str:
     return run_digest(recording_of(simulate(scenario)), Graph.of(scenario))
 
 
-def second(run: Platoon, folder: Path, elsewhere: str = "") -> Process:
-    """Start a platoon like another; with its locks elsewhere, it sees only the graph."""
-    apart = ("TMPDIR", "XDG_RUNTIME_DIR", "XDG_CACHE_HOME") if elsewhere else ()
+def second(run: Platoon, folder: Path, *, elsewhere: bool = False) -> Process:
+    """Start a platoon like another; `elsewhere`, as on another machine, it has only the graph."""
     folder.mkdir()
     return subprocess.Popen(
         [
-            *(sys.executable, "-m", "cacc_platoon", "run", str(run.scenario_file)),
+            *(sys.executable, "-c", UNLOCKED if elsewhere else PLATOON),
+            *("run", str(run.scenario_file)),
             *("-o", str(folder / "run"), "--no-report"),
         ],
-        env={**run.environment(), **dict.fromkeys(apart, elsewhere)},
+        env=run.environment(),
         stderr=subprocess.PIPE,
         text=True,
     )
@@ -66,20 +70,13 @@ def wait(seconds: float) -> None:
     threading.Event().wait(seconds)
 
 
-@pytest.fixture
-def short_path() -> Iterator[str]:
-    """A folder whose path leaves room for the names of sockets."""
-    with tempfile.TemporaryDirectory(prefix="p") as folder:
-        yield folder
-
-
 @pytest.mark.parametrize("elsewhere", [False, True])
 def test_the_first_finishes_with_its_digest(
-    platoon: Start, tmp_path: Path, short_path: str, elsewhere: bool
+    platoon: Start, tmp_path: Path, *, elsewhere: bool
 ) -> None:
     run = platoon(*SETTINGS, "run.duration=100", hosts=2)
     run.wait_state("running")
-    process = second(run, tmp_path / "second", short_path if elsewhere else "")
+    process = second(run, tmp_path / "second", elsewhere=elsewhere)
     line = given_way(process, tmp_path / "second")
     assert ("of this machine runs it" in line) != elsewhere
     assert "/platoon" in line
