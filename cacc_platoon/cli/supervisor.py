@@ -1,7 +1,8 @@
 r"""The supervisor as an executable of its own, for `ros2 run` and launch files.
 
   ros2 run cacc_platoon supervisor [--set KEY=VALUE] --ros-args \
-      --params-file config/paper_a.yaml [-p run.spawn:=false] [-p record.directory:=DIR]
+      --params-file config/paper_a.yaml [-p run.spawn:=false] \
+      [-p record.directory:=DIR] [-p record.parts:=DIR]
 
 It does what `platoon run` does, with ROS parameters: spawns the hosts (or waits for nodes that
 were started manually when run.spawn is false), runs, records and judges. --set replaces a

@@ -11,7 +11,8 @@ from cacc_platoon.model import State
 from cacc_platoon.nodes import qos, ros_parameters
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.names import NodeKind, NodeName
-from cacc_platoon.stepping.lockstep import LockstepError, PublishState
+from cacc_platoon.stepping.deliveries import LockstepError
+from cacc_platoon.stepping.lockstep import PublishState
 from cacc_platoon.stepping.stepper import Steppers
 from msg_adapters.stamped import ACCEL, POSE, TWIST, VECTOR, LayoutError
 from msg_adapters.topics import Topic, VehicleTopics

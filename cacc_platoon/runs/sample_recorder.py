@@ -14,10 +14,17 @@ from pathlib import Path
 from typing import NamedTuple
 
 from cacc_platoon.scenario import Scenario
-from cacc_platoon.stepping.deliveries import CountedDeliveries
+from cacc_platoon.stepping.deliveries import (
+    OTHERS,
+    CountedDeliveries,
+    doubtful_from,
+    lost_or_foreign,
+)
 from msg_adapters.stamped import SECOND
 from msg_adapters.topics import Graph, Topic
 
+NAMED = 10
+"""So many failures are kept; the first one ends the run."""
 _STAMP = struct.Struct("<4xiI")
 
 
@@ -26,7 +33,7 @@ class _CountedLink(NamedTuple):
 
     received: str
     complete: Topic
-    deliveries: CountedDeliveries[None]
+    deliveries: CountedDeliveries[int]
 
 
 class SampleRecorder:
@@ -101,7 +108,8 @@ class SampleRecorder:
             except OSError as error:
                 self.not_written(error)
                 return
-            link.deliveries.message(None)
+            seconds, nanoseconds = _STAMP.unpack_from(data)
+            link.deliveries.message(seconds * SECOND + nanoseconds)
             self._settle(link)
 
         return receive
@@ -119,9 +127,9 @@ class SampleRecorder:
                 return
             stamp, count = decode(data)
             if not (count.is_integer() and counted <= count):
-                self.failures.append(
+                self._fail(
                     f"{topic.name}: counts {count:g} messages after {counted:g}: it comes from "
-                    "another publisher"
+                    f"another publisher; {doubtful_from(before)}"
                 )
                 return
             counted = count
@@ -132,11 +140,20 @@ class SampleRecorder:
 
     def _settle(self, link: _CountedLink) -> None:
         """Take note of the samples up to which everything is here that a link delivered."""
-        for stamp, _ in link.deliveries.settled():
+        for stamp, sources in link.deliveries.settled():
             k = stamp // self._step_ns
+            if any(source > stamp for source in sources):
+                self._doubt(link, "a message was delivered before it was sent", k)
             self.samples[link.received] = k + 1
             if k % self._stride == 0 or k == self._last:
                 self.mark(k)
+        if self.samples[link.received] > self._last and link.deliveries.waiting:
+            self._doubt(link, f"has more messages than {link.complete.name} counts", 0)
+
+    def _doubt(self, link: _CountedLink, what: str, sample: int) -> None:
+        self._fail(
+            f"{link.received}: {what}: one comes from another publisher; {doubtful_from(sample)}"
+        )
 
     def _every_sample(self, topic: Topic) -> Callable[[bytes], None]:
         """Return the receiver of a topic that has every sample."""
@@ -179,14 +196,18 @@ class SampleRecorder:
 
     def not_written(self, error: OSError) -> None:
         """Take note that the disk does not take what is recorded."""
-        self.failures.append(f"{self._folder}: cannot be written: {error.strerror}")
+        self._fail(f"{self._folder}: cannot be written: {error.strerror}")
 
     def _refuse(self, name: str, data: bytes, k: int) -> None:
-        found = f"a message of {len(data)} bytes"
+        found, why, due = f"a message of {len(data)} bytes", OTHERS, k * self._step_ns
         if len(data) >= _STAMP.size:
             seconds, nanoseconds = _STAMP.unpack_from(data)
-            found += f" stamped {seconds + nanoseconds / SECOND:.9g} s"
-        self.failures.append(
-            f"{name}: {found} where {k * self._step_ns / SECOND:.9g} s is due: a message was lost "
-            "or comes from another publisher"
-        )
+            stamp = seconds * SECOND + nanoseconds
+            found += f" stamped {stamp / SECOND:.9g} s"
+            why = lost_or_foreign(stamp, due, self._step_ns)
+        self._fail(f"{name}: {found} where {due / SECOND:.9g} s is due: {why}")
+
+    def _fail(self, reason: str) -> None:
+        """Take a failure down; of a flood of them, the first ones."""
+        if len(self.failures) < NAMED:
+            self.failures.append(reason)

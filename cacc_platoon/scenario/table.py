@@ -188,7 +188,10 @@ class Run:
         64, "samples", "how far the leader may be ahead of the slowest", at_least=1, at_most=1000
     )
     start_timeout: float = parameter(
-        30.0, "s", "how long to wait until every node is connected", above=0.0
+        30.0,
+        "s",
+        "how long the start may make no progress; in proportion more from 100 nodes on",
+        above=0.0,
     )
     stall_timeout: float = parameter(
         10.0, "s", "how long no progress is taken for a pause", above=0.0
@@ -200,6 +203,9 @@ class Record:
     """Where the run goes, and what it holds besides pose, twist, accel and v2v/accel."""
 
     directory: str = parameter("", "-", "the run folder, empty for runs/<scenario>-<UTC time>")
+    parts: str = parameter(
+        "", "-", "the folder below which manually started nodes record, with record:=DIR"
+    )
     command: bool = parameter(False, "-", "whether vehicles publish u on command")
     spacing_error: bool = parameter(False, "-", "whether vehicles publish delta and e")
 

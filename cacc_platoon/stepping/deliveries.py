@@ -13,7 +13,43 @@ from typing import Generic, NamedTuple, Protocol, TypeVar
 
 from cacc_platoon.model import Reception
 
+DOUBT = "may be wrong"
+"""In a line on a message of another publisher that may have been used in place of ours."""
+
+OTHERS = "a message was lost or comes from another publisher"
+
 Message = TypeVar("Message")
+
+
+class LockstepError(Exception):
+    """A message that must not be used: the run ends, the line says which and why."""
+
+
+def lost_or_foreign(stamp: int, due: int, step_ns: int) -> str:
+    """Say what it means that a message is not the one that is due.
+
+    A sample that comes once more was answered already: one of the two is not from who should send
+    it, and nobody can tell which one was used.
+    """
+    if stamp >= due:
+        return OTHERS
+    return f"{OTHERS}; {doubtful_from(max(stamp, 0) // step_ns)}"
+
+
+def doubtful_from(sample: int) -> str:
+    """Say from which sample on what was recorded is not to be trusted.
+
+    Examples
+    --------
+    >>> doubtful_from(7)
+    'everything from sample 7 on may be wrong'
+    """
+    return f"everything from sample {sample} on {DOUBT}"
+
+
+def seconds(stamp: int) -> str:
+    """Return a stamp [ns] for a line of text."""
+    return f"{stamp / 1e9:.9g} s"
 
 
 class Delivered(NamedTuple, Generic[Message]):
@@ -40,6 +76,11 @@ class CountedDeliveries(Generic[Message]):
         self._messages: deque[Message] = deque()
         self._counts: deque[tuple[int, int]] = deque()
         self._given = 0
+
+    @property
+    def waiting(self) -> int:
+        """How many messages are here that no count covers yet."""
+        return len(self._messages)
 
     def message(self, message: Message) -> None:
         """Take the next message."""
@@ -100,9 +141,12 @@ class CountedInbox:
         What the vehicle makes of what is delivered.
     step_ns : int
         Control period [ns].
+    receiver : str, optional
+        Whose inbox it is, for the error line.
     """
 
-    def __init__(self, reception: Reception, step_ns: int) -> None:
+    def __init__(self, reception: Reception, step_ns: int, receiver: str = "receiver") -> None:
+        self._receiver = receiver
         self._reception, self._step = reception, step_ns
         self._deliveries: CountedDeliveries[tuple[int, float]] = CountedDeliveries()
         self._ready: dict[int, tuple[float, ...]] = {}
@@ -127,6 +171,12 @@ class CountedInbox:
 
     def _settle(self) -> None:
         for stamp, packets in self._deliveries.settled():
+            if any(source * self._step > stamp for source, _ in packets):
+                raise LockstepError(
+                    f"{self._receiver}: v2v/accel was delivered at {seconds(stamp)}, before it was "
+                    "sent: a message comes from another publisher; "
+                    f"{doubtful_from(stamp // self._step)}"
+                )
             self._ready[stamp] = (self._reception.use(packets),)
 
 

@@ -21,21 +21,21 @@ from cacc_platoon.model import (
 from cacc_platoon.model.impairment import ChannelError, packets_by_sample, promise_of
 from cacc_platoon.scenario import Follower, Scenario, ScenarioError
 from cacc_platoon.scenario.names import NodeKind, NodeName, vehicle_name
-from cacc_platoon.stepping.deliveries import CountedInbox, Inbox, JointInbox, PromptInbox
-
-
-class LockstepError(Exception):
-    """A message that must not be used: the run ends, the line says which and why."""
-
+from cacc_platoon.stepping.deliveries import (
+    CountedInbox,
+    Inbox,
+    JointInbox,
+    LockstepError,
+    PromptInbox,
+    doubtful_from,
+    lost_or_foreign,
+    seconds,
+)
 
 PublishState = Callable[[int, State[float]], None]
 PublishCommand = Callable[[int, float, float, float], None]
 PublishAcceleration = Callable[[int, float], None]
 PublishCount = Callable[[int, int], None]
-
-
-def _seconds(stamp: int) -> str:
-    return f"{stamp / 1e9:.9g} s"
 
 
 class Sequence:
@@ -49,8 +49,8 @@ class Sequence:
         """Accept the next stamp or raise LockstepError."""
         if stamp != self.due:
             raise LockstepError(
-                f"{self._what} is stamped {_seconds(stamp)} where {_seconds(self.due)} is due: "
-                "a message was lost or comes from another publisher"
+                f"{self._what} is stamped {seconds(stamp)} where {seconds(self.due)} is due: "
+                f"{lost_or_foreign(stamp, self.due, self._step)}"
             )
         self.due += self._step
 
@@ -106,7 +106,9 @@ class LockstepFollower:
         self._counted = follower.counted
         links = scenario.topology.links_to(follower.index)
         self._inboxes: list[Inbox] = [
-            CountedInbox(follower.reception(), self._step_ns) if self._counted else PromptInbox()
+            CountedInbox(follower.reception(), self._step_ns, self._name)
+            if self._counted
+            else PromptInbox()
             for _ in links
         ]
         self._inbox = self._inboxes[0] if len(links) == 1 else JointInbox(self._inboxes)
@@ -138,8 +140,9 @@ class LockstepFollower:
         again = not self._counted and (stamp < self._stamp or stamp in inbox)
         if again or stamp % self._step_ns:
             raise LockstepError(
-                f"{self._name}: v2v/accel is stamped {_seconds(stamp)}, which it has already or "
-                "which is no sample: it comes from another publisher"
+                f"{self._name}: v2v/accel is stamped {seconds(stamp)}, which it has already or "
+                "which is no sample: it comes from another publisher; "
+                f"{doubtful_from(max(0, min(stamp, self._stamp)) // self._step_ns)}"
             )
         inbox.take(stamp, acceleration)
         self._advance()
@@ -149,8 +152,9 @@ class LockstepFollower:
         self._count_sequences[link].take(stamp)
         if not (count.is_integer() and self._counts[link] <= count):
             raise LockstepError(
-                f"{self._name}: v2v/complete of {_seconds(stamp)} counts {count:g} messages after "
-                f"{self._counts[link]}: it comes from another publisher"
+                f"{self._name}: v2v/complete of {seconds(stamp)} counts {count:g} messages after "
+                f"{self._counts[link]}: it comes from another publisher; "
+                f"{doubtful_from(stamp // self._step_ns)}"
             )
         self._counts[link] = int(count)
         self._inboxes[link].count(stamp, int(count))
@@ -175,11 +179,11 @@ class LockstepFollower:
         except (Exception, SystemExit) as error:  # a custom law may fail in any way
             raise LockstepError(
                 f"{self._name}: its control law raised {type(error).__name__} at "
-                f"{_seconds(stamp)}: {error}"
+                f"{seconds(stamp)}: {error}"
             ) from error
         if not finite:
             raise LockstepError(
-                f"{self._name}: command at {_seconds(stamp)} is {command}: own state {(*state,)}, "
+                f"{self._name}: command at {seconds(stamp)} is {command}: own state {(*state,)}, "
                 f"predecessor's position {position} m and velocity {velocity} m/s, "
                 f"received acceleration {', '.join(map(str, received))} m/s^2"
             )

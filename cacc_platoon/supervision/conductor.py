@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -13,16 +14,18 @@ from rclpy.node import Node
 from cacc_platoon.dds import shared_memory
 from cacc_platoon.nodes.executor import spin_for
 from cacc_platoon.supervision.launcher import HostProcesses
-from cacc_platoon.supervision.log import LOG
+from cacc_platoon.supervision.log import LOG, logs_to_stderr
 from cacc_platoon.supervision.protocol import RunPhase
 from cacc_platoon.supervision.run_events import (
     Action,
+    Announce,
     CloseOwnHost,
     EndRun,
     Event,
     FollowRecorder,
     GraphObserved,
     HostReported,
+    HostsStarted,
     MeansLost,
     ObserveGraph,
     ProcessEnded,
@@ -33,6 +36,7 @@ from cacc_platoon.supervision.run_events import (
     SignalReceived,
     StartHosts,
     Tick,
+    Warn,
 )
 from cacc_platoon.supervision.run_machine import RunMachine
 from cacc_platoon.supervision.run_state import Run, Stage, some
@@ -180,6 +184,8 @@ class Conductor:
                 self.feed(ended)
         if (trouble := self._crew.trouble()) and trouble not in self.run.refused:
             self.feed(MeansLost(trouble))
+        if (started := self._crew.processes.started()) != self.run.processes:
+            self.feed(HostsStarted(started))
         if self.run.stage is Stage.MATCHING:
             connected = self._node.connected_recorders(self.run.recorded)
             if connected != self.run.connected:
@@ -192,7 +198,17 @@ class Conductor:
             case PublishStatus():
                 self._publish_status()
             case ObserveGraph():
-                self.feed(GraphObserved(self._node.foreign_publishers(self.run.recorded)))
+                self.feed(self._node.look(self._machine.publishers(self.run)))
+            case Warn(line):
+                _warn(line)
+            case _:
+                self._carry_out_once(action)
+
+    def _carry_out_once(self, action: Action) -> None:
+        """Carry out what is done a few times in a run at most."""
+        match action:
+            case Announce():
+                self._node.announce()
             case FollowRecorder(host):
                 self._node.follow_recorder(host)
             case StartHosts():
@@ -231,6 +247,12 @@ def _log_event(event: Event, run: Run) -> None:
             LOG.info("%s", reason)
         case SignalReceived(name):
             LOG.info("stopped by %s", name)
+
+
+def _warn(line: str) -> None:
+    LOG.warning("%s", line)
+    if not logs_to_stderr():
+        print(f"platoon: warning: {line}", file=sys.stderr)
 
 
 def process_age() -> float:

@@ -23,7 +23,8 @@ Scalar: TypeAlias = bool | int | float | str
 Value: TypeAlias = Scalar | list[Scalar]
 """A parameter's value."""
 
-_HOST = re.compile(r"[A-Za-z0-9_]{1,100}", re.ASCII)
+_HOST = re.compile(r"(?=.{1,100}\Z)[A-Za-z0-9]+(_[A-Za-z0-9]+)*", re.ASCII | re.DOTALL)
+"""What may follow host_ in the name of a topic: ROS takes no two underscores in a row."""
 _NOT_SENDABLE = re.compile("[\0\ud800-\udfff]")
 
 

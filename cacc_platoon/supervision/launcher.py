@@ -95,6 +95,11 @@ class HostProcesses:
                 self._running[plan.name] = (process, writer)
                 self._began = time.monotonic()
 
+    def started(self) -> dict[str, int]:
+        """Return the process of each host that has been started so far."""
+        running = [*self._running.items()]
+        return {name: process.pid for name, (process, _) in running if process.pid}
+
     def ended(self) -> list[ProcessEnded]:
         """Return the hosts that have ended, as far as there is somebody who knows."""
         found = []

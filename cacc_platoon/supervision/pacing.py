@@ -33,6 +33,15 @@ def furthest_sample(scenario: Scenario, horizon: int) -> int:
     return horizon + scenario.platoon.followers
 
 
+NODES_IN_TIME = 100
+"""Nodes that start within the start time-out; more of them get more time, in proportion."""
+
+
+def start_limit(scenario: Scenario) -> float:
+    """Return how long no node may appear and no connection be made while a run starts [s]."""
+    return scenario.run.start_timeout * max(1.0, len(scenario.node_names) / NODES_IN_TIME)
+
+
 def stall_limit(scenario: Scenario) -> float:
     """Return how long a run may make no progress [s]: at a slow pace even a window takes time."""
     run = scenario.run

@@ -24,6 +24,7 @@ from cacc_platoon.runs.folder import UNFINISHED, RunFolder
 from cacc_platoon.runs.info import EndStatus, RunInfo
 from cacc_platoon.runs.parts import read_parts
 from cacc_platoon.scenario import Scenario
+from cacc_platoon.supervision.belief import Belief, OwnHost
 from cacc_platoon.supervision.conductor import Conductor, Crew, Observer
 from cacc_platoon.supervision.host import FLUSH_PERIOD
 from cacc_platoon.supervision.host_plan import HostPlan, plan_hosts
@@ -240,7 +241,11 @@ def _conductor(
     scenario, executor = node.scenario, create_executor()
     executor.add_node(node)
     shared_memory.note_segments()
-    machine = RunMachine(scenario, [topic.name for topic in Graph.of(scenario).recorded])
+    topics = [topic.name for topic in Graph.of(scenario).recorded]
+    part = str((folder.parts / OWN_HOST).absolute())
+    own = OwnHost(OWN_HOST, frozenset(), frozenset(topics), part, os.getpid())
+    hosts = [(plan.name, plan.nodes, plan.part) for plan in plans]
+    machine = RunMachine(scenario, topics, Belief.in_run(scenario, hosts, own))
     crew = RunCrew(scenario, run_id, plans, executor, folder)
     return Conductor(node, executor, machine, crew, run_id=run_id, observe=observe, stopped=stopped)
 

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 
 from cacc_platoon.scenario import Scenario
-from cacc_platoon.scenario.names import NodeName
+from cacc_platoon.scenario.names import NodeName, host_name
+from cacc_platoon.supervision.belief import Belief, OwnHost
 from cacc_platoon.supervision.run_events import ProcessEnded
 from cacc_platoon.supervision.run_machine import RunMachine
 from cacc_platoon.supervision.run_state import Run, Stage
+from msg_adapters.topics import Graph
 
 REPLAYED, REPLAYER = "replayed", "replayer"
 """The hosts: the process of the node, and the one that gives it what it gets."""
+SPOKESMAN = f"{host_name(REPLAYED)}/spokesman"
+"""The node of a host whose own node cannot be made."""
 
 
 class ReplayMachine(RunMachine):
@@ -33,13 +38,17 @@ class ReplayMachine(RunMachine):
         self, scenario: Scenario, node: NodeName, topics: Sequence[str], samples: int
     ) -> None:
         super().__init__(
-            scenario, topics, nodes=[str(node), REPLAYER], samples=samples, newcomer_wait=0.0
+            scenario,
+            topics,
+            _belief(scenario, node, topics),
+            nodes=[str(node), REPLAYER],
+            samples=samples,
+            newcomer_wait=0.0,
         )
         self._node = node
 
-    def late(self, run: Run, missing: Sequence[str]) -> str:
+    def late(self, run: Run, missing: Sequence[str], limit: float) -> str:
         """Say what has not come in time."""
-        limit = self.scenario.run.start_timeout
         if run.stage is Stage.STARTING:
             return f"{self._node} has not appeared for {limit:g} s"
         return f"{self._node} is not connected for {limit:g} s: {'; '.join(missing)}"
@@ -54,3 +63,15 @@ class ReplayMachine(RunMachine):
     def process_ended(self, run: Run, ended: ProcessEnded) -> str:
         """Say that the node's process is gone."""
         return f"{self._node} (process {ended.pid}) {ended.how}"
+
+
+def _belief(scenario: Scenario, node: NodeName, answers: Sequence[str]) -> Belief:
+    """Return whose word counts: the node answers, and the replayer is everybody else."""
+    graph = Graph.of(scenario)
+    publishers = {topic.name: REPLAYER for topic in graph.recorded}
+    publishers |= {topic.name: str(node) for topic in graph.nodes[node].publishes}
+    hosts = [
+        OwnHost(REPLAYED, frozenset({str(node), SPOKESMAN}), frozenset()),
+        OwnHost(REPLAYER, frozenset({REPLAYER}), frozenset(answers), pid=os.getpid()),
+    ]
+    return Belief(graph, hosts, publishers=publishers)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TypeAlias
 
 from cacc_platoon.runs.info import EndStatus
-from cacc_platoon.supervision.protocol import HostState
+from cacc_platoon.supervision.protocol import HostState, RunPhase
 
 
 @dataclass(frozen=True)
@@ -45,9 +46,36 @@ class RecordersConnected:
 
 @dataclass(frozen=True)
 class GraphObserved:
-    """Somebody has looked who publishes the platoon's topics: a line for each that others do."""
+    """Somebody has looked who publishes the platoon's topics.
+
+    Attributes
+    ----------
+    foreign : tuple of str
+        A line, which begins with the topic, for each that others publish.
+    harmless : tuple of str
+        A line for each publisher whose messages nobody of ours can receive.
+    settled : bool
+        Whether the graph tells the node of every publisher.
+    """
 
     foreign: tuple[str, ...] = ()
+    harmless: tuple[str, ...] = ()
+    settled: bool = True
+
+
+@dataclass(frozen=True)
+class RivalHeard:
+    """A supervisor of another run says how far that is, on the topic of this platoon's status."""
+
+    run: str
+    phase: RunPhase
+
+
+@dataclass(frozen=True)
+class HostsStarted:
+    """These processes have been started so far, by host."""
+
+    processes: Mapping[str, int]
 
 
 @dataclass(frozen=True)
@@ -80,6 +108,8 @@ Event: TypeAlias = (
     | Recorded
     | RecordersConnected
     | GraphObserved
+    | RivalHeard
+    | HostsStarted
     | ProcessEnded
     | MeansLost
     | SignalReceived
@@ -89,6 +119,18 @@ Event: TypeAlias = (
 @dataclass(frozen=True)
 class ObserveGraph:
     """Look who publishes the platoon's topics and answer with GraphObserved."""
+
+
+@dataclass(frozen=True)
+class Announce:
+    """Show yourself in the graph: until then, nothing was published in the platoon's namespace."""
+
+
+@dataclass(frozen=True)
+class Warn:
+    """Warn the user of something that ends no run."""
+
+    line: str
 
 
 @dataclass(frozen=True)
@@ -151,6 +193,8 @@ class EndRun:
 
 Action: TypeAlias = (
     ObserveGraph
+    | Announce
+    | Warn
     | StartHosts
     | FollowRecorder
     | RecordTheRest

@@ -9,30 +9,33 @@ the list of events and times alone, and can be repeated from it.
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from cacc_platoon.runs.info import EndStatus
 from cacc_platoon.scenario import Scenario
+from cacc_platoon.stepping.deliveries import DOUBT
 from cacc_platoon.supervision.agreement import disagreements
-from cacc_platoon.supervision.pacing import furthest_sample, horizon, stall_limit
-from cacc_platoon.supervision.protocol import (
-    HostState,
-    OtherVersionError,
-    ProtocolError,
-    RunPhase,
-    RunStatus,
-    sendable,
+from cacc_platoon.supervision.belief import FOREIGN, Belief, beyond
+from cacc_platoon.supervision.newcomers import (
+    ADVICE,
+    NEWCOMER_WAIT,
+    looked_enough,
+    met,
+    without_rival,
 )
+from cacc_platoon.supervision.pacing import furthest_sample, horizon, stall_limit, start_limit
+from cacc_platoon.supervision.protocol import HostState, RunPhase, RunStatus, sendable
 from cacc_platoon.supervision.run_events import (
     Action,
+    Announce,
     CloseOwnHost,
     EndRun,
     Event,
     FollowRecorder,
     GraphObserved,
     HostReported,
+    HostsStarted,
     MeansLost,
     MessageRefused,
     ObserveGraph,
@@ -42,21 +45,28 @@ from cacc_platoon.supervision.run_events import (
     Recorded,
     RecordersConnected,
     RecordTheRest,
+    RivalHeard,
     StartHosts,
     Tick,
 )
 from cacc_platoon.supervision.run_state import (
+    NAMED_FAILURES,
     Run,
     Stage,
+    connections_left,
     joined,
+    not_in_time,
+    refuse,
     silent_hosts,
     some,
     summaries,
     unmatched,
+    wanted_subscribers,
+    warn,
+    whose_process,
 )
+from msg_adapters.topics import PlatoonTopics
 
-NEWCOMER_WAIT = 0.4
-"""How long a run looks for a platoon of the same name before it starts hosts [s]."""
 GOODBYE_TIMEOUT = 3.0
 """How long hosts may take to close their parts [s]."""
 GRAPH_PERIOD = 0.5
@@ -65,13 +75,6 @@ HEARTBEAT_PERIOD = 0.2
 """How often the supervisor says that it lives [s]."""
 OWN_HOST = "supervisor"
 """Name of the host in the supervisor's process."""
-NAMED_FAILURES = 3
-"""So many failures are named in the message; others follow from them."""
-FOREIGN = "another publisher"
-ADVICE = (
-    "Another platoon or publisher uses these names; give one of them another platoon.namespace "
-    "or ROS_DOMAIN_ID"
-)
 
 
 Step = tuple[Run, list[Action]]
@@ -86,6 +89,8 @@ class RunMachine:
         What is run.
     topics : iterable of str
         What has to be recorded.
+    belief : Belief
+        Whose word counts.
     nodes : iterable of str, optional
         Which nodes have to appear; those of the scenario by default.
     samples : int, optional
@@ -98,6 +103,7 @@ class RunMachine:
         self,
         scenario: Scenario,
         topics: Iterable[str],
+        belief: Belief,
         *,
         nodes: Iterable[str] | None = None,
         samples: int | None = None,
@@ -105,14 +111,20 @@ class RunMachine:
     ) -> None:
         self.scenario = scenario
         self.samples = scenario.samples if samples is None else samples
-        self._topics = tuple(topics)
+        self._topics, self._belief = tuple(topics), belief
         self._nodes = tuple(scenario.node_names if nodes is None else nodes)
         self._newcomer_wait = newcomer_wait
-        self._stall_limit = stall_limit(scenario)
+        self._start_limit, self._stall_limit = start_limit(scenario), stall_limit(scenario)
+        platoon = PlatoonTopics(scenario.platoon.namespace)
+        self._control = (platoon.status, platoon.horizon, platoon.scenario)
 
     def begin(self, run_id: str, now: float) -> Run:
         """Return the state of a run that begins."""
         return Run(run_id, Stage.LOOKING, now)
+
+    def publishers(self, run: Run) -> Mapping[str, frozenset[str]]:
+        """Return which nodes may publish each topic of the platoon by now."""
+        return self._belief.publishers(run.hosts, started=run.stage is not Stage.LOOKING)
 
     def status(self, run: Run, outside: Mapping[str, int] | None = None) -> RunStatus:
         """Return the status to publish.
@@ -132,7 +144,7 @@ class RunMachine:
             samples=self.samples,
             message=sendable(run.end.message) if run.end else "",
             hosts=summaries(run),
-            subscribers=_wanted_subscribers(run, outside) if outside else {},
+            subscribers=wanted_subscribers(run, outside) if outside else {},
         )
 
     def step(self, run: Run, event: Event, now: float) -> Step:
@@ -155,12 +167,18 @@ class RunMachine:
                 step = self._with_heartbeat(*self._judge(run, now), now)
             case HostReported(state):
                 step = self._take_host(run, state)
-            case GraphObserved(foreign):
-                step = self._judge_graph(run, foreign, now)
+            case GraphObserved():
+                warned, warnings = warn(run, event.harmless)
+                run, actions = self._judge_graph(warned, event, now)
+                step = run, [*warnings, *actions]
+            case RivalHeard():
+                step = met(run, event, now, self._control[0]), []
+            case HostsStarted(processes):
+                step = self._take_processes(run, processes), []
             case RecordersConnected(hosts):
                 step = run._replace(connected=hosts), []
             case MessageRefused(reason) | MeansLost(reason):
-                step = _refuse(run, reason), []
+                step = refuse(run, reason), []
             case ProcessEnded():
                 ended = {**run.ended_processes, event.host: event}
                 step = run._replace(ended_processes=ended), []
@@ -174,11 +192,7 @@ class RunMachine:
         if host not in run.recorded:
             return run, []
         if sample > run.reach:
-            reason = (
-                f"host {host}: reports sample {sample} as recorded, beyond the horizon "
-                f"{run.reach}: the message comes from {FOREIGN}"
-            )
-            return _refuse(run, reason), []
+            return refuse(run, beyond(host, sample, run.reach)), []
         recorded = {**run.recorded, host: max(sample, run.recorded[host])}
         progress = min(recorded.values())
         if progress <= run.progress or run.phase is not RunPhase.RUNNING:
@@ -188,12 +202,24 @@ class RunMachine:
     def _take_host(self, run: Run, state: HostState) -> Step:
         if state.run != run.id:
             return run, []
+        if doubt := self._doubt(run, state):
+            return refuse(run, doubt), []
         actions: list[Action] = []
         recorded = run.recorded
         if state.records and state.host not in recorded:
             recorded = {**recorded, state.host: -1}
             actions = [FollowRecorder(state.host)]
         return run._replace(hosts={**run.hosts, state.host: state}, recorded=recorded), actions
+
+    def _doubt(self, run: Run, state: HostState) -> str:
+        waiting = run.phase is RunPhase.WAITING
+        return self._belief.doubt(state, run.hosts, run.processes, waiting=waiting)
+
+    def _take_processes(self, run: Run, processes: Mapping[str, int]) -> Run:
+        """Take note of who was started; who has spoken for them before is judged again."""
+        run = run._replace(processes=processes)
+        doubts = (self._doubt(run, state) for state in run.hosts.values())
+        return refuse(run, *filter(None, doubts))
 
     # ... and judged at the next tick.
 
@@ -216,7 +242,7 @@ class RunMachine:
         if run.signal:
             return self._fail(run, now, [f"stopped by {run.signal}"])
         if failures := run.failures[:NAMED_FAILURES]:
-            if any(FOREIGN in failure for failure in failures):
+            if any(FOREIGN in failure for failure in failures) and run.stage is not Stage.LOOKING:
                 return run._replace(stage=Stage.NAMING, since=now), [ObserveGraph()]
             return self._fail(run, now, failures)
         for ended in run.ended_processes.values():
@@ -233,16 +259,18 @@ class RunMachine:
     def _look(run: Run, _now: float) -> Step:
         return run, [] if run.stage is Stage.OVER else [ObserveGraph()]
 
-    def _judge_graph(self, run: Run, foreign: Sequence[str], now: float) -> Step:
-        run = run._replace(graph_checked=now)
+    def _judge_graph(self, run: Run, graph: GraphObserved, now: float) -> Step:
+        run = run._replace(graph_checked=now, looks=run.looks + graph.settled)
         if run.stage in (Stage.LEAVING, Stage.OVER):
             return run, []
+        foreign = without_rival(run, graph.foreign, now, self._control)
         if foreign and run.stage is Stage.NAMING:
             return self._fail(run, now, [*run.failures[:NAMED_FAILURES], foreign[0], ADVICE])
         if foreign:
             return self._fail(run, now, [f"{foreign[0]}. {ADVICE}"])
-        if run.stage is Stage.LOOKING and now - run.since > self._newcomer_wait:
-            return run._replace(stage=Stage.STARTING, since=now), [StartHosts()]
+        if run.stage is Stage.LOOKING and looked_enough(run, now, self._newcomer_wait):
+            run = run._replace(stage=Stage.STARTING, since=now, status_published=now)
+            return run, [Announce(), PublishStatus(), StartHosts()]
         if run.stage is Stage.CHECKING:
             run = run._replace(stage=Stage.RUNNING, phase=RunPhase.RUNNING, started=now, moved=now)
             run, actions = self._pace(run, now)
@@ -252,31 +280,36 @@ class RunMachine:
     def _await_nodes(self, run: Run, now: float) -> Step:
         present = {node for host in run.hosts.values() for node in host.nodes}
         if missing := [node for node in self._nodes if node not in present]:
-            return self._wait_for(run, now, missing)
+            return self._wait_for(run, now, missing, len(missing))
         parameters = {n: p for host in run.hosts.values() for n, p in host.parameters.items()}
         if differing := disagreements(self.scenario, parameters):
             return self._fail(run, now, [f"{some(differing)}. Start it with the run's parameters"])
         covered = {topic for host in run.hosts.values() for topic in host.records}
         if rest := tuple(topic for topic in self._topics if topic not in covered):
-            return run._replace(stage=Stage.RECORDING), [RecordTheRest(rest)]
-        return self._match(run)
+            run = run._replace(stage=Stage.RECORDING, since=now, remaining=None)
+            return run, [RecordTheRest(rest)]
+        return self._match(run, now)
 
     def _await_own_host(self, run: Run, now: float) -> Step:
         if OWN_HOST not in run.hosts:
-            return self._wait_for(run, now, ["recorder"])
-        return self._match(run)
+            return self._wait_for(run, now, ["recorder"], 1)
+        return self._match(run, now)
 
-    def _match(self, run: Run) -> Step:
-        return run._replace(stage=Stage.MATCHING, phase=RunPhase.MATCHING), [PublishStatus()]
+    @staticmethod
+    def _match(run: Run, now: float) -> Step:
+        run = run._replace(stage=Stage.MATCHING, since=now, remaining=None)
+        return run._replace(phase=RunPhase.MATCHING), [PublishStatus()]
 
     def _await_connections(self, run: Run, now: float) -> Step:
         if missing := unmatched(run):
-            return self._wait_for(run, now, missing)
+            return self._wait_for(run, now, missing, connections_left(run))
         return run._replace(stage=Stage.CHECKING), [ObserveGraph()]
 
-    def _wait_for(self, run: Run, now: float, missing: Sequence[str]) -> Step:
-        if now - run.since > self.scenario.run.start_timeout:
-            return self._fail(run, now, [self.late(run, missing)])
+    def _wait_for(self, run: Run, now: float, missing: Sequence[str], remaining: int) -> Step:
+        if run.remaining is None or remaining < run.remaining:
+            run = run._replace(remaining=remaining, since=now)
+        if now - run.since > self._start_limit:
+            return self._fail(run, now, [self.late(run, missing, self._start_limit)])
         return run, self._look_now_and_then(run, now)
 
     def _watch(self, run: Run, now: float) -> Step:
@@ -303,7 +336,8 @@ class RunMachine:
 
     @staticmethod
     def _with_heartbeat(run: Run, actions: list[Action], now: float) -> Step:
-        due = now - run.status_published > HEARTBEAT_PERIOD and run.stage is not Stage.OVER
+        silent = run.stage in (Stage.LOOKING, Stage.OVER)
+        due = now - run.status_published > HEARTBEAT_PERIOD and not silent
         if due and PublishStatus() not in actions:
             actions = [PublishStatus(), *actions]
         if PublishStatus() in actions:
@@ -314,7 +348,10 @@ class RunMachine:
 
     def _fail(self, run: Run, now: float, reasons: Sequence[str]) -> Step:
         status = EndStatus.INTERRUPTED if run.signal else EndStatus.FAILED
-        return self._leave(run, EndRun(status, joined(reasons)), now)
+        end = EndRun(status, joined(reasons))
+        if run.stage is Stage.LOOKING:  # nobody knows of this run
+            return run._replace(stage=Stage.OVER, phase=RunPhase.FAILED, end=end), [end]
+        return self._leave(run, end, now)
 
     @staticmethod
     def _leave(run: Run, end: EndRun, now: float) -> Step:
@@ -336,26 +373,20 @@ class RunMachine:
     def _spoil(run: Run) -> Step:
         """Let a complete run fail by what a host reports while it ends, such as a full disk.
 
-        What others send after the last sample spoils nothing.
+        What others send after the last sample spoils nothing, unless it came before what is ours.
         """
         failures = [host.failure for host in run.hosts.values() if host.failure]
-        if run.phase is not RunPhase.FINISHED or not (
-            own := [failure for failure in failures if FOREIGN not in failure]
-        ):
+        own = [text for text in failures if FOREIGN not in text or DOUBT in text]
+        if run.phase is not RunPhase.FINISHED or not own:
             return run, []
         end = EndRun(EndStatus.FAILED, joined(own[:NAMED_FAILURES]))
         return run._replace(phase=RunPhase.FAILED, end=end), [PublishStatus()]
 
     # The texts; a replay has others.
 
-    def late(self, run: Run, missing: Sequence[str]) -> str:
+    def late(self, run: Run, missing: Sequence[str], limit: float) -> str:
         """Say what has not come in time."""
-        matching = run.stage is Stage.MATCHING
-        what = "these connections are missing" if matching else "these nodes have not appeared"
-        return (
-            f"after {self.scenario.run.start_timeout:g} s {what}: {some(missing)}. Start what is "
-            "missing, or raise run.start_timeout."
-        )
+        return not_in_time(run, missing, limit)
 
     def stalled(self, run: Run, limit: float) -> str:
         """Say that nothing moves on."""
@@ -363,22 +394,4 @@ class RunMachine:
 
     def process_ended(self, run: Run, ended: ProcessEnded) -> str:
         """Say whose process is gone."""
-        host = run.hosts.get(ended.host)
-        nodes = some(host.nodes if host else ["before it appeared"])
-        return f"host {ended.host} (process {ended.pid}: {nodes}) {ended.how}"
-
-
-def refusal(topic: str, error: ProtocolError) -> MessageRefused:
-    """Return what to make of a text on a topic that no host of this version can have sent."""
-    if isinstance(error, OtherVersionError):
-        return MessageRefused(f"{topic}: {error}")
-    return MessageRefused(f"{topic}: a message from {FOREIGN}, no host of ours: {error}")
-
-
-def _refuse(run: Run, reason: str) -> Run:
-    return run._replace(refused=(*run.refused, reason)[:NAMED_FAILURES])
-
-
-def _wanted_subscribers(run: Run, outside: Mapping[str, int]) -> dict[str, int]:
-    own = Counter(topic for host in run.hosts.values() for topic in host.subscribes)
-    return {topic: own[topic] + more for topic, more in outside.items()}
+        return whose_process(run, ended)

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from enum import StrEnum
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from cacc_platoon.runs.info import HostInfo
+from cacc_platoon.supervision.belief import FOREIGN
 from cacc_platoon.supervision.protocol import HostPhase, HostState, RunPhase
-from cacc_platoon.supervision.run_events import EndRun, ProcessEnded
+from cacc_platoon.supervision.run_events import EndRun, ProcessEnded, Warn
+
+NAMED_FAILURES = 3
+"""So many failures are named in the message; others follow from them."""
+MOST_WARNINGS = 20
+"""Whoever makes publishers without end is not reported without end."""
 
 _NOTHING: Mapping[str, Any] = MappingProxyType({})
 
@@ -38,13 +45,23 @@ class Run(NamedTuple):
     stage : Stage
         What it is doing.
     since : float
-        When that began; the time limits count from here.
+        When that began, or went on last; the time limits count from here.
     phase : RunPhase
         The status to publish.
     hosts : mapping of str to HostState
         The last word of each host.
     recorded : mapping of str to int
         Sample that each recorder has reached.
+    processes : mapping of str to int
+        The processes that were started, by host.
+    remaining : int, optional
+        The least of nodes or connections that were missing so far in this stage.
+    looks : int
+        How often the graph was looked at.
+    warned : frozenset of str
+        What the user was warned of.
+    rival_since : float, optional
+        When another supervisor of the same name was heard first that has to give way.
     connected : frozenset of str
         Hosts whose progress arrives.
     progress : int
@@ -69,6 +86,11 @@ class Run(NamedTuple):
     phase: RunPhase = RunPhase.WAITING
     hosts: Mapping[str, HostState] = _NOTHING
     recorded: Mapping[str, int] = _NOTHING
+    processes: Mapping[str, int] = _NOTHING
+    remaining: int | None = None
+    looks: int = 0
+    warned: frozenset[str] = frozenset()
+    rival_since: float | None = None
     connected: frozenset[str] = frozenset()
     progress: int = -1
     reach: int = -1
@@ -85,7 +107,27 @@ class Run(NamedTuple):
     @property
     def failures(self) -> list[str]:
         """What hosts have reported as failures, and what came from elsewhere."""
-        return [host.failure for host in self.hosts.values() if host.failure] + [*self.refused]
+        failures = [host.failure for host in self.hosts.values() if host.failure]
+        return [*failures, *_sent_away(self), *self.refused]
+
+
+def _sent_away(run: Run) -> list[str]:
+    """Return a line for each host that has left while nobody of ours has ended the run."""
+    return [
+        f"host {host.host} has left although the run goes on: {FOREIGN} told it that the run is "
+        "over, or the supervisor was silent for too long"
+        for host in run.hosts.values()
+        if host.phase is HostPhase.CLOSED and not host.failure and run.end is None
+    ]
+
+
+def connections_left(run: Run) -> int:
+    """Return how many connections may still be missing; it grows less as they are made."""
+    left = len(run.recorded.keys() - run.connected)
+    for host in run.hosts.values():
+        if host.phase is HostPhase.UP:
+            left += len(host.missing) or len(host.publishes) + len(host.subscribes) + 1
+    return left
 
 
 def unmatched(run: Run) -> list[str]:
@@ -101,6 +143,23 @@ def unmatched(run: Run) -> list[str]:
     return missing
 
 
+def wanted_subscribers(run: Run, outside: Mapping[str, int]) -> dict[str, int]:
+    """Return how many subscribers each topic has to have, given those outside of the platoon."""
+    own = Counter(topic for host in run.hosts.values() for topic in host.subscribes)
+    return {topic: own[topic] + more for topic, more in outside.items()}
+
+
+def refuse(run: Run, *reasons: str) -> Run:
+    """Return the run with messages that are none of ours taken down, the first few."""
+    return run._replace(refused=(*run.refused, *reasons)[:NAMED_FAILURES])
+
+
+def warn(run: Run, lines: Sequence[str]) -> tuple[Run, list[Warn]]:
+    """Return the run, and the warnings that the user has not had; after some, there are no more."""
+    new = [line for line in lines if line not in run.warned][: MOST_WARNINGS - len(run.warned)]
+    return run._replace(warned=run.warned.union(new)), [Warn(line) for line in new]
+
+
 def silent_hosts(run: Run) -> list[str]:
     """Return a line for each host that lives, as far as is known, and has not closed."""
     return [
@@ -108,6 +167,23 @@ def silent_hosts(run: Run) -> list[str]:
         for name, host in run.hosts.items()
         if host.phase is not HostPhase.CLOSED and name not in run.ended_processes
     ]
+
+
+def not_in_time(run: Run, missing: Sequence[str], limit: float) -> str:
+    """Say what has not come although it was waited for."""
+    matching = run.stage is Stage.MATCHING
+    what = "these connections are missing" if matching else "these nodes have not appeared"
+    return (
+        f"for {limit:g} s nothing has come, and {what}: {some(missing)}. Start what is missing, or "
+        "raise run.start_timeout."
+    )
+
+
+def whose_process(run: Run, ended: ProcessEnded) -> str:
+    """Say which host's process is gone."""
+    host = run.hosts.get(ended.host)
+    nodes = some(host.nodes if host else ["before it appeared"])
+    return f"host {ended.host} (process {ended.pid}: {nodes}) {ended.how}"
 
 
 def summaries(run: Run) -> tuple[HostInfo, ...]:

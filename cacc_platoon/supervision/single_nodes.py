@@ -42,7 +42,8 @@ Run the {name} node of one vehicle, as a host of its own.
       --params-file config/paper_a.yaml [-p record:=DIR]
 
 The vehicle's index comes from the namespace. The node waits for the supervisor (started with
--p run.spawn:=false) and ends when the run does. With record it records what it publishes."""
+-p run.spawn:=false) and ends when the run does. With record it records what it publishes; the
+supervisor has to know the folder, -p record.parts:=DIR."""
 
 MARKERS_HELP = """\
 Draw a platoon for RViz: a box and a number for each vehicle, on <prefix>/markers.
@@ -57,7 +58,8 @@ Record the topics of a whole platoon, for nodes started manually that do not rec
   ros2 run cacc_platoon recorder --ros-args -r __ns:=/platoon \\
       --params-file config/paper_a.yaml -p record:=DIR
 
-The supervisor does this by itself for topics that no node records."""
+The supervisor does this by itself for topics that no node records. It has to know the folder of
+one that does, -p record.parts:=DIR."""
 
 Made = TypeVar("Made")
 

@@ -2,32 +2,55 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable
+import os
+import time
+from collections import deque
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 
 import rclpy
 from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy
+from rclpy.qos import (
+    DurabilityPolicy,
+    QoSCompatibility,
+    QoSProfile,
+    qos_check_compatible,
+)
 from rclpy.signals import SignalHandlerOptions
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 from std_msgs.msg import Int64, String
 
 from cacc_platoon.dds import shared_memory
+from cacc_platoon.dds.platoon_lock import PlatoonLock
 from cacc_platoon.errors import UserError
 from cacc_platoon.nodes import qos, ros_parameters
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import format_scenario
 from cacc_platoon.scenario.table import GROUPS
+from cacc_platoon.supervision.belief import refusal
 from cacc_platoon.supervision.protocol import HostState, ProtocolError, RunStatus
-from cacc_platoon.supervision.run_events import Event, HostReported, Recorded
-from cacc_platoon.supervision.run_machine import refusal
+from cacc_platoon.supervision.run_events import (
+    Event,
+    GraphObserved,
+    HostReported,
+    Recorded,
+    RivalHeard,
+)
+from cacc_platoon.supervision.run_state import some
 from msg_adapters.topics import Graph
 
 MAX_HOSTS = 1000
 UNKNOWN = "_NODE_NAME_UNKNOWN_"
+NAMELESS_LIMIT = 10.0
+"""How long the graph may take to tell the node of a publisher that it shows [s]."""
+REMEMBERED = 100
+"""Statuses that this node knows for its own when they come back."""
 
 
 class SupervisorNode(Node):  # type: ignore[misc]
     """Publishes horizon, status and scenario; turns what hosts say into events.
+
+    It has no topic, and so stands in nobody's way, before it is announced.
 
     Parameters
     ----------
@@ -38,6 +61,8 @@ class SupervisorNode(Node):  # type: ignore[misc]
     ----------
     feed : callable
         Called with each event.
+    lock : PlatoonLock
+        Holds the platoon's name among the processes of this user on this machine.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -48,18 +73,28 @@ class SupervisorNode(Node):  # type: ignore[misc]
         self.feed: Callable[[Event], None] = lambda event: None
         self.graph = Graph.of(scenario)
         self.topics = self.graph.platoon
+        self._types = {topic.name: topic.kind.type_name for topic in self.graph.recorded}
+        self.lock = PlatoonLock(self._prefix, os.environ)
+        self._sent: deque[str] = deque(maxlen=REMEMBERED)
+        self._nameless: dict[bytes, float] = {}
+
+    def announce(self) -> None:
+        """Take the names of the platoon: from now on everybody sees that it is there."""
         latched = qos.latched()
         self._horizon = self.create_publisher(Int64, self.topics.horizon, latched)
         self._status = self.create_publisher(String, self.topics.status, latched)
         self._scenario_publisher = self.create_publisher(String, self.topics.scenario, latched)
-        self._scenario_publisher.publish(String(data=format_scenario(scenario)))
+        self._scenario_publisher.publish(String(data=format_scenario(self.scenario)))
+        self.create_subscription(String, self.topics.status, self._on_status, latched)
         profile = qos.latched()
         profile.depth = MAX_HOSTS
         self.create_subscription(String, self.topics.host_state, self._on_host_state, profile)
 
     def publish_status(self, status: RunStatus) -> None:
         """Tell everybody how far the run is."""
-        self._status.publish(String(data=status.to_json()))
+        text = status.to_json()
+        self._sent.append(text)
+        self._status.publish(String(data=text))
 
     def publish_horizon(self, sample: int) -> None:
         """Let the leader go as far as a sample."""
@@ -82,20 +117,52 @@ class SupervisorNode(Node):  # type: ignore[misc]
         }
         return frozenset(host for host in hosts if counts.get(self.topics.recorded(host)))
 
-    def foreign_publishers(self, recorders: Iterable[str]) -> tuple[str, ...]:
-        """Return a line for each topic with a foreign publisher, with who it is."""
-        own = {topic.name for topic in self.graph.run_topics}
-        own |= {self.topics.horizon, self.topics.status}
-        own |= {self.topics.recorded(host) for host in recorders}
-        found = []
-        for topic in sorted(own):
-            publishers = self.get_publishers_info_by_topic(topic)
-            if len(publishers) > 1:
-                names = sorted(
-                    f"{info.node_namespace.rstrip('/')}/{info.node_name}" for info in publishers
-                )
-                found.append(f"{topic} has {len(names)} publishers: {', '.join(names)}")
-        return tuple(found)
+    def look(self, allowed: Mapping[str, frozenset[str]]) -> GraphObserved:
+        """Return which publishers there are beyond those allowed, by full name of their node.
+
+        Parameters
+        ----------
+        allowed : mapping of str to frozenset of str
+            The nodes that may publish each topic, one publisher each.
+        """
+        foreign, harmless, settled = [], [], True
+        if holder := self.lock.taken_by():
+            foreign.append(f"{self._prefix} is a platoon in this domain already: {holder}")
+        for topic in sorted(allowed):
+            deaf: list[TopicEndpointInfo] = []
+            heard: list[TopicEndpointInfo] = []
+            for info in self.get_publishers_info_by_topic(topic):
+                mute = _name(info) not in allowed[topic] and not self._can_be_heard(info, topic)
+                (deaf if mute else heard).append(info)
+            settled &= all(info.node_name != UNKNOWN for info in heard)
+            if self._with_foreign(heard, allowed[topic]):
+                foreign.append(f"{topic} {_published_by(heard, allowed[topic])}")
+            harmless += [f"{topic}: {_name(info)} publishes {_unheard(info)}" for info in deaf]
+        return GraphObserved(tuple(foreign), tuple(harmless), settled)
+
+    def _with_foreign(self, infos: Sequence[TopicEndpointInfo], allowed: frozenset[str]) -> bool:
+        """Whether publishers are more than one of each node that is allowed."""
+        known = [_name(info) for info in infos if info.node_name != UNKNOWN]
+        strange = len({*known} & allowed) < len(known) or 0 < len(allowed) < len(infos)
+        return strange or any(self._stays_nameless(info) for info in infos)
+
+    def _stays_nameless(self, info: TopicEndpointInfo) -> bool:
+        """Whether the graph does not tell the node of a publisher, as of one that is none."""
+        gid = bytes(info.endpoint_gid)
+        if info.node_name != UNKNOWN:
+            self._nameless.pop(gid, None)
+            return False
+        now = time.monotonic()
+        return now - self._nameless.setdefault(gid, now) > NAMELESS_LIMIT
+
+    def _can_be_heard(self, info: TopicEndpointInfo, topic: str) -> bool:
+        """Whether a publisher has the type of a topic and a QoS that its subscribers take."""
+        kind = self._types.get(topic)
+        profile = qos.stream(self.scenario) if kind else qos.latched()
+        numbers = topic.endswith("/recorded") or topic == self.topics.horizon
+        wanted = kind or ("std_msgs/msg/Int64" if numbers else "std_msgs/msg/String")
+        compatible, _ = qos_check_compatible(info.qos_profile, profile)
+        return bool(info.topic_type == wanted and compatible != QoSCompatibility.ERROR)
 
     def outside_subscribers(self, nodes: Collection[str]) -> dict[str, int]:
         """Return how many subscribers each data topic has besides some nodes of the platoon.
@@ -105,7 +172,7 @@ class SupervisorNode(Node):  # type: ignore[misc]
         own = {f"{self._prefix}/{node}" for node in nodes}
         return {
             topic.name: sum(
-                f"{info.node_namespace.rstrip('/')}/{info.node_name}" not in own
+                _name(info) not in own
                 and info.node_name != UNKNOWN
                 and info.qos_profile.durability == DurabilityPolicy.VOLATILE
                 for info in self.get_subscriptions_info_by_topic(topic.name)
@@ -119,6 +186,38 @@ class SupervisorNode(Node):  # type: ignore[misc]
         except ProtocolError as error:
             event = refusal(self.topics.host_state, error)
         self.feed(event)
+
+    def _on_status(self, message: String) -> None:
+        """Listen for supervisors of the same name; one's own words come back, too."""
+        if message.data in self._sent:
+            return
+        try:
+            status = RunStatus.from_json(message.data)
+        except ProtocolError as error:
+            self.feed(refusal(self.topics.status, error))
+        else:
+            self.feed(RivalHeard(status.run, status.phase))
+
+
+def _name(info: TopicEndpointInfo) -> str:
+    """Return the full name of the node that an endpoint belongs to."""
+    return f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+
+
+def _published_by(infos: Sequence[TopicEndpointInfo], allowed: frozenset[str]) -> str:
+    """Say who publishes a topic, those first who may not."""
+    names = sorted(map(_name, infos), key=lambda name: (name in allowed, name))
+    return (
+        f"has {len(names)} publishers: {some(names)}"
+        if names[1:]
+        else f"is published by {names[0]}"
+    )
+
+
+def _unheard(info: TopicEndpointInfo) -> str:
+    profile: QoSProfile = info.qos_profile
+    quality = f"{profile.reliability.name} {profile.durability.name}".lower()
+    return f"{info.topic_type} ({quality}) there, which no node of this platoon can receive"
 
 
 def start_supervisor(scenario: Scenario) -> SupervisorNode:
@@ -146,3 +245,4 @@ def end_supervisor(node: SupervisorNode) -> None:
     with shared_memory.cleared_segments():
         node.destroy_node()
         rclpy.try_shutdown()
+    node.lock.drop()

@@ -192,13 +192,11 @@ class Platoon:
         namespace, _, kind = node.rpartition("/")
         own = f"import sys; from {ENTRY_POINTS} import {kind}; sys.exit({kind}())"
         arguments = [*(command or (sys.executable, "-c", own)), "--ros-args"]
-        prefix = self.scenario.platoon.namespace
-        arguments += ["-r", f"__ns:={prefix}/{namespace}".rstrip("/")]
+        arguments += ["-r", f"__ns:={self.scenario.platoon.namespace}/{namespace}".rstrip("/")]
         arguments += ["--params-file", str(self.scenario_file)]
         for parameter in parameters:
             arguments += ["-p", parameter]
-        name = node.replace("/", "_")
-        log = self._output.with_name(f"{name}.txt")
+        log = self._output.with_name(f"{node.replace('/', '_')}.txt")
         return self._run(node, arguments, log, log)
 
     def wait_state(self, state: str, timeout: float = PATIENCE) -> None:
@@ -302,10 +300,18 @@ class Platoon:
         )
 
     def send(self, message: Any, topic: str) -> None:
-        """Publish one message on any topic, as a foreign publisher would."""
-        publisher = self._node.create_publisher(type(message), topic, qos.latched())
+        """Publish a message, or a list of them, on any topic, as a foreign publisher would."""
+        messages = message if isinstance(message, list) else [message]
+        profile = qos.latched()
+        profile.depth = len(messages)
+        publisher = self.advertise(type(messages[0]), topic, profile)
         self._wait_matched(publisher)
-        publisher.publish(message)
+        for each in messages:
+            publisher.publish(each)
+
+    def advertise(self, message_type: type, topic: str, profile: QoSProfile | int) -> Publisher:
+        """Return a publisher on any topic that has sent nothing yet, as a foreign one."""
+        return self._node.create_publisher(message_type, topic, profile)
 
     def subscribe(
         self,

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cacc_platoon.runs.sample_recorder import SampleRecorder
+from cacc_platoon.runs.sample_recorder import NAMED, SampleRecorder
 from cacc_platoon.scenario import Scenario
 from msg_adapters.topics import Topic, VehicleTopics
 
@@ -86,14 +86,16 @@ def test_a_window_of_one_sample_reports_every_sample() -> None:
     ("sample", "due", "stamp"), [(0, 3, "0"), (2, 3, "0.02"), (4, 3, "0.04"), (99, 0, "0.99")]
 )
 def test_a_message_that_is_not_due_is_refused(sample: int, due: int, stamp: str) -> None:
+    """A sample that comes twice may have come first from whom it should not come from."""
     rig = Rig()
+    doubt = f"; everything from sample {sample} on may be wrong" if sample < due else ""
     for k in range(due):
         rig.give(POSE, k)
     rig.give(POSE, sample)
     size = POSE.codec.size
     assert rig.recorder.failures == [
         f"/platoon/vehicle_0/pose: a message of {size} bytes stamped {stamp} s where "
-        f"{due * 0.01:.9g} s is due: a message was lost or comes from another publisher"
+        f"{due * 0.01:.9g} s is due: a message was lost or comes from another publisher{doubt}"
     ]
     assert rig.recorder.samples[POSE.name] == len(rig.written[POSE.name]) == due
 
@@ -165,8 +167,42 @@ def test_a_count_that_is_none_comes_from_another_publisher(count: float) -> None
     (failure,) = rig.recorder.failures
     assert failure == (
         f"/platoon/vehicle_1/v2v/complete: counts {count:g} messages after 1: it comes from "
-        "another publisher"
+        "another publisher; everything from sample 1 on may be wrong"
     )
+
+
+def test_messages_that_nobody_counted_are_named_at_the_end() -> None:
+    """A message of another publisher is taken for the next packet, and one of ours is left over."""
+    rig = Rig(COUNTED.received, COUNTED.complete, scenario=LOSSY)
+    received, complete = (rig.receive[t.name] for t in (COUNTED.received, COUNTED.complete))
+    last = LOSSY.samples - 1
+    for k in range(LOSSY.samples):
+        complete(COUNTED.complete.codec.encode(k * STEP, k + 1.0))
+        received(COUNTED.received.codec.encode(max(0, k - 1) * STEP, 0.5))
+    assert rig.recorder.failures == []
+    received(COUNTED.received.codec.encode(last * STEP, 0.5))
+    assert rig.recorder.failures == [
+        f"{COUNTED.received.name}: has more messages than {COUNTED.complete.name} counts: one "
+        "comes from another publisher; everything from sample 0 on may be wrong"
+    ]
+
+
+def test_a_message_that_is_delivered_before_it_was_sent_is_named() -> None:
+    rig = Rig(COUNTED.received, COUNTED.complete, scenario=LOSSY)
+    rig.receive[COUNTED.received.name](COUNTED.received.codec.encode(9 * STEP, 0.5))
+    rig.receive[COUNTED.complete.name](COUNTED.complete.codec.encode(0, 1.0))
+    assert rig.recorder.failures == [
+        f"{COUNTED.received.name}: a message was delivered before it was sent: one comes from "
+        "another publisher; everything from sample 0 on may be wrong"
+    ]
+
+
+def test_of_a_flood_of_failures_the_first_ones_are_kept() -> None:
+    rig = Rig(COUNTED.received, COUNTED.complete, scenario=LOSSY)
+    for k in range(1000):
+        rig.receive[COUNTED.complete.name](COUNTED.complete.codec.encode((k + 5) * STEP, 1.0))
+    assert rig.recorder.failures[0].startswith(f"{COUNTED.complete.name}: a message of")
+    assert len(rig.recorder.failures) == NAMED
 
 
 @pytest.mark.parametrize("size", [0, 40])

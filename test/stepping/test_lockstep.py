@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from cacc_platoon.model import ComposedChannel, Delivery, State
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.simulation import simulate
+from cacc_platoon.stepping.deliveries import LockstepError
 from cacc_platoon.stepping.lockstep import (
-    LockstepError,
     LockstepFollower,
     LockstepLeader,
     LockstepRelay,
@@ -74,6 +74,49 @@ def test_received_accelerations_may_overtake_each_other() -> None:
 def test_a_stamp_that_is_not_due_is_refused(stream: str, stamp: int) -> None:
     with pytest.raises(LockstepError, match=r"stamped .* where 0 s is due"):
         getattr(follower_1([]), stream)(stamp, 0.0)
+
+
+def test_a_sample_that_comes_twice_says_from_where_on_nothing_can_be_trusted() -> None:
+    """Two of one sample: whoever came first was used, be it ours or not."""
+    core = follower_1([])
+    for k in range(3):
+        core.take_velocity(k * STEP, 25.0)
+    with pytest.raises(LockstepError, match="; everything from sample 1 on may be wrong"):
+        core.take_velocity(STEP, 25.0)
+    with pytest.raises(LockstepError, match=r"another publisher$"):
+        core.take_velocity(7 * STEP, 25.0)
+
+
+LOSSY = SCENARIO.with_values({"v2v.loss": 0.5})
+
+
+def counted() -> LockstepFollower:
+    return LockstepFollower(LOSSY.follower(1), LOSSY, lambda stamp, state: None)
+
+
+def test_a_packet_of_a_later_sample_than_it_is_delivered_at_is_refused() -> None:
+    core = counted()
+    core.take_acceleration(9 * STEP, 0.0)
+    with pytest.raises(LockstepError, match=r"vehicle_1: v2v/accel was delivered at 0 s, before"):
+        core.take_count(0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("stamp", "count", "doubtful"),
+    [(0, 1.0, 0), (STEP, 1.0, 1), (2 * STEP, 0.5, 2), (2 * STEP, -1.0, 2), (99 * STEP, 9.0, None)],
+)
+def test_a_count_of_another_publisher_says_from_where_on_nothing_can_be_trusted(
+    stamp: int, count: float, doubtful: int | None
+) -> None:
+    core = counted()
+    for k in range(2):
+        core.take_count(k * STEP, 0.0)
+    with pytest.raises(
+        LockstepError, match=r"vehicle_1: v2v/complete .*another publisher"
+    ) as error:
+        core.take_count(stamp, count)
+    doubt = f"everything from sample {doubtful} on may be wrong"
+    assert str(error.value).endswith(doubt) == (doubtful is not None)
 
 
 def test_a_received_acceleration_that_is_there_already_is_refused() -> None:

@@ -47,7 +47,7 @@ BOTH = pytest.mark.parametrize("record", [HOST, STATUS], ids=["host state", "run
 
 FEW = settings(max_examples=15)
 
-names = st.from_regex(r"[A-Za-z0-9_]{1,100}", fullmatch=True)
+names = st.from_regex(r"[A-Za-z0-9]{1,30}(_[A-Za-z0-9]{1,30}){0,2}", fullmatch=True)
 texts = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), max_size=40)
 lists = st.lists(texts, max_size=5).map(tuple)
 pids = st.integers(1, MAX_INTEGER)
@@ -223,6 +223,9 @@ def test_the_largest_host_there_can_be_fits() -> None:
         ("host", "x/../y", "host is 'x/../y', not the name of a host (letters, digits, under"),
         ("host", "é", "host is 'é', not the name of a host"),
         ("host", "a" * 101, "host is 'aaaaaaaaaaaaaaaaaaaaaaaaaaaaaa', not the name of a host"),
+        ("host", "a__b", "host is 'a__b', not the name of a host"),
+        ("host", "_a", "host is '_a', not the name of a host"),
+        ("host", "a_", "host is 'a_', not the name of a host"),
         ("host", "a\n", "host is 'a\\n', not the name of a host"),
         ("pid", True, "pid is true, not a whole number from 1 on"),
         ("pid", 0, "pid is 0, not a whole number from 1 on"),

@@ -1,6 +1,7 @@
 """A replay is a run of two hosts: it goes on as far as there are answers, or says what stopped."""
 
 import dataclasses
+import os
 
 from cacc_platoon.runs.info import EndStatus
 from cacc_platoon.scenario import Scenario
@@ -29,7 +30,9 @@ SCENARIO = Scenario.from_values(
 NODE = NodeName(NodeKind.VEHICLE, 2)
 ANSWERS = ("/platoon/vehicle_2/pose",)
 NODES_HOST = HostState("f00d", REPLAYED, 7, (str(NODE),), publishes=ANSWERS)
-OWN_HOST = HostState("f00d", REPLAYER, 6, (REPLAYER,), subscribes=ANSWERS, records=ANSWERS)
+OWN_HOST = HostState(
+    "f00d", REPLAYER, os.getpid(), (REPLAYER,), subscribes=ANSWERS, records=ANSWERS
+)
 MACHINE = ReplayMachine(SCENARIO, NODE, ANSWERS, samples=30)
 
 
@@ -80,14 +83,16 @@ def test_a_replay_ends_with_the_last_answer_not_with_the_last_sample_of_the_run(
 
 def test_a_node_that_does_not_appear_is_named() -> None:
     run, _ = go(MACHINE.begin("f00d", 1.0), 1.02)
-    run, _ = go(run, 3.1, HostReported(OWN_HOST))
+    run, _ = go(run, 2.0, HostReported(OWN_HOST))
+    run, _ = go(run, 4.1)
     assert message(run) == "vehicle_2/vehicle has not appeared for 2 s"
 
 
 def test_a_node_that_is_not_connected_is_named_with_what_is_missing() -> None:
     run, _ = go(MACHINE.begin("f00d", 1.0), 1.02)
     run, _ = go(run, 1.1, HostReported(NODES_HOST), HostReported(OWN_HOST))
-    run, _ = go(run, 3.1, RecordersConnected(frozenset({REPLAYER})))
+    run, _ = go(run, 2.0, RecordersConnected(frozenset({REPLAYER})))
+    run, _ = go(run, 4.1)
     assert message(run) == (
         "vehicle_2/vehicle is not connected for 2 s: host replayed has not reported its "
         "connections; host replayer has not reported its connections"

@@ -12,6 +12,15 @@ from hypothesis import strategies as st
 
 from cacc_platoon.runs.info import EndStatus, HostInfo
 from cacc_platoon.scenario import Scenario
+from cacc_platoon.stepping.deliveries import lost_or_foreign
+from cacc_platoon.supervision.belief import Belief, OwnHost, refusal
+from cacc_platoon.supervision.newcomers import (
+    ADVICE,
+    NEWCOMER_LOOKS,
+    NEWCOMER_WAIT,
+    RIVAL_PATIENCE,
+)
+from cacc_platoon.supervision.pacing import start_limit
 from cacc_platoon.supervision.protocol import (
     VERSION,
     HostPhase,
@@ -21,12 +30,14 @@ from cacc_platoon.supervision.protocol import (
 )
 from cacc_platoon.supervision.run_events import (
     Action,
+    Announce,
     CloseOwnHost,
     EndRun,
     Event,
     FollowRecorder,
     GraphObserved,
     HostReported,
+    HostsStarted,
     MessageRefused,
     ObserveGraph,
     ProcessEnded,
@@ -35,20 +46,20 @@ from cacc_platoon.supervision.run_events import (
     Recorded,
     RecordersConnected,
     RecordTheRest,
+    RivalHeard,
     SignalReceived,
     StartHosts,
     Tick,
+    Warn,
 )
 from cacc_platoon.supervision.run_machine import (
-    ADVICE,
     GOODBYE_TIMEOUT,
     GRAPH_PERIOD,
     HEARTBEAT_PERIOD,
-    NEWCOMER_WAIT,
     RunMachine,
-    refusal,
 )
 from cacc_platoon.supervision.run_state import Stage, some
+from msg_adapters.topics import Graph
 
 RUN = "f00d"
 TOPICS = ("/platoon/vehicle_0/pose", "/platoon/vehicle_1/pose")
@@ -80,6 +91,15 @@ def scenario(**settings: object) -> Scenario:
     return Scenario.from_values(values, None, "test")
 
 
+def belief(**settings: object) -> Belief:
+    """Return what the supervisor knows of FRONT, REAR and OWN."""
+    hosts = [
+        OwnHost(host.host, frozenset(host.nodes), frozenset(host.records), pid=host.pid)
+        for host in (FRONT, REAR, OWN)
+    ]
+    return Belief(Graph.of(scenario(**settings)), hosts)
+
+
 class Play:
     """A run of the machine: feeds events, lets time pass, keeps what it asks for.
 
@@ -87,7 +107,7 @@ class Play:
     """
 
     def __init__(self, machine: RunMachine | None = None, **settings: object) -> None:
-        self.machine = machine or RunMachine(scenario(**settings), TOPICS)
+        self.machine = machine or RunMachine(scenario(**settings), TOPICS, belief(**settings))
         self.now = 1000.0
         self.run = self.machine.begin(RUN, self.now)
         self.foreign: tuple[str, ...] = ()
@@ -124,7 +144,9 @@ class Play:
 
     def started(self) -> Play:
         """Bring it to where hosts are started."""
-        self.after(NEWCOMER_WAIT + TICK)
+        for _ in range(NEWCOMER_LOOKS):
+            self.after(NEWCOMER_WAIT / (NEWCOMER_LOOKS - 1))
+        self.after(TICK)
         assert self.run.stage is Stage.STARTING
         return self
 
@@ -175,13 +197,21 @@ def horizons(actions: Sequence[Action]) -> list[int]:
 
 def test_a_run_from_start_to_finish() -> None:
     play = Play()
-    assert play.after(TICK) == [PublishStatus(), ObserveGraph()]
+    assert play.after(TICK) == [ObserveGraph()]
     assert play.run.phase is RunPhase.WAITING
-    assert play.after(NEWCOMER_WAIT) == [PublishStatus(), ObserveGraph(), StartHosts()]
+    for _ in range(NEWCOMER_LOOKS - 2):
+        assert play.after(TICK) == [ObserveGraph()]
+    assert play.after(NEWCOMER_WAIT) == [
+        ObserveGraph(),
+        Announce(),
+        PublishStatus(),
+        StartHosts(),
+    ]
     assert play.feed(HostReported(FRONT)) == [FollowRecorder("front")]
     assert play.feed(HostReported(REAR)) == [FollowRecorder("rear")]
     assert play.after(TICK) == [PublishStatus()]
     assert play.run.phase is RunPhase.MATCHING
+    assert play.feed(HostsStarted({"front": 100, "rear": 101})) == []
     assert play.feed(RecordersConnected(frozenset({"front", "rear"}))) == []
     assert play.after(TICK, HostReported(phase(FRONT, HostPhase.MATCHED))) == []
     last = HostReported(phase(REAR, HostPhase.MATCHED))
@@ -210,25 +240,40 @@ def test_the_graph_is_looked_at_until_newcomers_have_been_waited_for() -> None:
     play = Play()
     ticks = round(NEWCOMER_WAIT / TICK)
     for _ in range(ticks):
-        assert ObserveGraph() in play.after(TICK)
-    assert play.done(StartHosts) == []
+        assert play.after(TICK) == [ObserveGraph()]
     play.after(TICK)
     assert play.done(StartHosts) == [StartHosts()]
 
 
-def test_a_second_platoon_gives_way_before_a_host_is_started() -> None:
+def test_a_busy_machine_looks_as_often_and_so_for_longer() -> None:
+    play = Play()
+    for _ in range(NEWCOMER_LOOKS - 1):
+        assert play.after(10.0 * NEWCOMER_WAIT) == [ObserveGraph()]
+    assert StartHosts() in play.after(10.0 * NEWCOMER_WAIT)
+
+
+def test_a_publisher_without_a_name_is_looked_at_again_before_anything_starts() -> None:
+    play = Play()
+    play.now += 10.0 * NEWCOMER_WAIT
+    for _ in range(3 * NEWCOMER_LOOKS):
+        assert play.feed(GraphObserved(settled=False)) == []
+    for _ in range(NEWCOMER_LOOKS - 1):
+        assert play.feed(GraphObserved()) == []
+    assert StartHosts() in play.feed(GraphObserved())
+
+
+def test_a_second_platoon_gives_way_before_it_has_published_anything() -> None:
     play = Play()
     play.foreign = ("/platoon/status has 2 publishers: /platoon/supervisor, /platoon/supervisor",)
-    play.after(TICK)
-    assert play.done(StartHosts) == []
-    assert play.after(TICK) == [EndRun(EndStatus.FAILED, f"{play.foreign[0]}. {ADVICE}")]
+    end = EndRun(EndStatus.FAILED, f"{play.foreign[0]}. {ADVICE}")
+    assert play.feed(Tick()) == [ObserveGraph(), end]
+    assert play.after(100.0) == []
 
 
-def test_a_signal_before_the_start_starts_nothing() -> None:
+def test_a_signal_before_the_start_starts_nothing_and_publishes_nothing() -> None:
     play = Play()
     play.after(TICK, SignalReceived("SIGINT"))
-    play.after(TICK)
-    assert play.done(StartHosts) == []
+    assert play.actions == [play.end]
     assert play.end == EndRun(EndStatus.INTERRUPTED, "stopped by SIGINT")
 
 
@@ -238,13 +283,14 @@ def test_a_signal_before_the_start_starts_nothing() -> None:
 def test_a_node_that_never_appears_is_named() -> None:
     play = Play(run__start_timeout=4.0).started()
     play.after(3.9, HostReported(FRONT))
+    play.after(3.9)
     assert play.done(CloseOwnHost) == []
     play.after(0.2)
     play.after(TICK, HostReported(phase(FRONT, HostPhase.CLOSED)))
     assert play.end == EndRun(
         EndStatus.FAILED,
-        "after 4 s these nodes have not appeared: vehicle_1/vehicle, vehicle_1/noise_relay. "
-        "Start what is missing, or raise run.start_timeout",
+        "for 4 s nothing has come, and these nodes have not appeared: vehicle_1/vehicle, "
+        "vehicle_1/noise_relay. Start what is missing, or raise run.start_timeout",
     )
 
 
@@ -328,9 +374,10 @@ def test_a_recorder_of_ones_own_that_never_appears_ends_the_run() -> None:
     play = Play(run__start_timeout=4.0).started()
     hosts = (dataclasses.replace(host, records=()) for host in (FRONT, REAR))
     play.after(TICK, *map(HostReported, hosts))
+    play.after(3.9)
     play.after(5.0)
     assert play.run.end
-    assert play.run.end.message.startswith("after 4 s these nodes have not appeared: recorder.")
+    assert "these nodes have not appeared: recorder." in play.run.end.message
 
 
 # Nodes are connected.
@@ -340,11 +387,12 @@ def test_every_missing_connection_is_named() -> None:
     play = Play(run__start_timeout=4.0).matching()
     missing = ("vehicle_1/vehicle: no publisher of /platoon/vehicle_0/pose",)
     play.after(TICK, HostReported(dataclasses.replace(REAR, missing=missing)))
-    play.after(4.0, RecordersConnected(frozenset({"rear"})))
+    play.after(1.0, RecordersConnected(frozenset({"rear"})))
+    play.after(4.1)
     assert play.run.end == EndRun(
         EndStatus.FAILED,
-        "after 4 s these connections are missing: recorder of host front: its progress does not "
-        "arrive, host front has not reported its connections, "
+        "for 4 s nothing has come, and these connections are missing: recorder of host front: its "
+        "progress does not arrive, host front has not reported its connections, "
         f"{missing[0]}. Start what is missing, or raise run.start_timeout",
     )
 
@@ -363,13 +411,32 @@ def test_the_leader_waits_for_every_connection(lacking: str) -> None:
     assert play.done(PublishHorizon) == []
 
 
-def test_the_time_limit_counts_from_the_start_of_hosts() -> None:
+def test_the_time_limit_counts_from_the_last_node_or_connection() -> None:
     play = Play(run__start_timeout=4.0).started()
-    play.after(3.0, HostReported(FRONT), HostReported(REAR))
-    play.after(0.9)
+    play.after(3.9, HostReported(FRONT))
+    play.after(3.9, HostReported(REAR))
+    assert play.run.stage is Stage.MATCHING
+    play.after(3.9, HostReported(phase(FRONT, HostPhase.MATCHED)))
+    play.after(3.9, HostReported(dataclasses.replace(REAR, missing=("a", "b"))))
+    play.after(3.9, HostReported(dataclasses.replace(REAR, missing=("b",))))
+    play.after(3.9)
     assert play.run.stage is Stage.MATCHING
     play.after(0.2)
     assert play.run.stage is Stage.LEAVING
+
+
+def test_connections_that_come_and_go_are_no_progress() -> None:
+    play = Play(run__start_timeout=4.0).matching()
+    play.after(1.0, HostReported(dataclasses.replace(REAR, missing=("a",))))
+    for missing in (("a", "b"), ("b",), ("a", "b"), ("a",)):
+        play.after(1.1, HostReported(dataclasses.replace(REAR, missing=missing)))
+    assert play.run.stage is Stage.LEAVING
+
+
+@pytest.mark.parametrize(("followers", "limit"), [(1, 30.0), (49, 30.0), (200, 120.3)])
+def test_large_platoons_have_more_time_to_start(followers: int, limit: float) -> None:
+    """N followers are 2 N + 1 nodes; 100 of them are given the start time-out."""
+    assert start_limit(scenario(platoon__followers=followers)) == pytest.approx(limit)
 
 
 def test_a_foreign_publisher_is_seen_before_the_leader_goes() -> None:
@@ -538,8 +605,10 @@ def test_a_failure_that_a_host_reports_ends_the_run(stage: str) -> None:
 
 
 def test_three_failures_are_named() -> None:
-    play = Play().running()
     hosts = [dataclasses.replace(FRONT, host=f"h{i}") for i in range(5)]
+    own = [OwnHost(host.host, frozenset(FRONT.nodes), frozenset(FRONT.records)) for host in hosts]
+    machine = RunMachine(scenario(), TOPICS, Belief(Graph.of(scenario()), own))
+    play = Play(machine).started()
     play.after(TICK, *(failed(host, f"reason {i}") for i, host in enumerate(hosts)))
     assert play.run.end == EndRun(EndStatus.FAILED, "reason 0; reason 1; reason 2")
 
@@ -693,6 +762,18 @@ def test_what_others_send_after_the_last_sample_spoils_nothing() -> None:
     assert play.end == EndRun(EndStatus.FINISHED)
 
 
+def test_a_sample_that_came_twice_spoils_a_complete_run() -> None:
+    """What came first, and was recorded, may be the one that is not ours."""
+    play = Play().running()
+    play.complete()
+    play.after(TICK)
+    why = f"pose: stamped 1 s where 1.01 s is due: {lost_or_foreign(100, 101, 1)}"
+    play.after(TICK, failed(REAR, why))
+    play.closed()
+    assert play.end.status is EndStatus.FAILED
+    assert play.end.message.endswith("; everything from sample 100 on may be wrong")
+
+
 def test_the_wall_time_is_from_the_first_horizon_to_the_last_sample() -> None:
     play = Play().running()
     began = play.now
@@ -701,6 +782,136 @@ def test_the_wall_time_is_from_the_first_horizon_to_the_last_sample() -> None:
         play.record(min(100, play.run.reach))
     play.after(TICK)
     assert (play.run.started, play.run.ended) == (began, play.now)
+
+
+# Who is believed.
+
+EVIL = "/tmp/evil"
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        ({"pid": 7}, "process 7 speaks for it, but it is process 100"),
+        ({"part": EVIL}, "says that it records in /tmp/evil, but it was given no folder"),
+        ({"records": TOPICS}, f"says that it records {TOPICS[1]}, which none of its nodes"),
+        ({"records": ("/else",)}, "says that it records /else, which none of its nodes publishes"),
+        ({"nodes": ("vehicle_9/leader",)}, "says that it runs vehicle_9/leader, which it was not"),
+        ({"host": "evil"}, "runs vehicle_0/leader, which is none of the nodes that are started"),
+        ({"host": "evil", "nodes": ()}, "this run has not started it, and no node is started"),
+    ],
+)
+@pytest.mark.parametrize("state", list(HostPhase))
+def test_a_host_that_is_not_what_was_started_is_not_believed(
+    change: dict[str, Any], why: str, state: HostPhase
+) -> None:
+    play = Play().running()
+    before = play.run.hosts, play.run.recorded
+    forged = dataclasses.replace(FRONT, phase=state, failure="it burns", **change)
+    assert play.feed(HostReported(forged)) == []
+    assert (play.run.hosts, play.run.recorded) == before
+    play.after(TICK)
+    play.after(GRAPH_PERIOD + TICK)
+    assert play.run.end
+    message = play.run.end.message
+    assert message.startswith(f"host {forged.host}: {why}"), message
+    assert message.endswith(f"the message comes from another publisher; {ADVICE}")
+
+
+def test_who_spoke_for_a_host_before_its_process_was_known_is_judged_then() -> None:
+    own = [
+        OwnHost(host.host, frozenset(host.nodes), frozenset(host.records)) for host in (FRONT, REAR)
+    ]
+    play = Play(RunMachine(scenario(), TOPICS, Belief(Graph.of(scenario()), own))).started()
+    play.feed(HostReported(FRONT), HostReported(REAR))
+    play.feed(HostsStarted({"front": 100}))
+    assert not play.run.refused
+    play.feed(HostsStarted({"front": 100, "rear": 77}))
+    assert "host rear: process 101 speaks for it, but it is process 77" in play.run.refused[0]
+
+
+@pytest.mark.parametrize("missing", [False, True])
+def test_a_host_that_leaves_while_the_run_goes_on_was_told_so_by_somebody(missing: bool) -> None:
+    play = Play().running()
+    host = phase(REAR, HostPhase.CLOSED)
+    play.after(TICK, HostReported(host), *[ProcessEnded("rear", 101, "ended")] * missing)
+    assert play.run.stage is Stage.NAMING
+    play.after(GRAPH_PERIOD + TICK)
+    assert play.run.end
+    assert play.run.end.message.startswith("host rear has left although the run goes on: another")
+
+
+def test_a_message_in_the_name_of_this_run_is_named() -> None:
+    play = Play().running()
+    play.after(TICK, RivalHeard(RUN, RunPhase.FINISHED))
+    play.after(GRAPH_PERIOD + TICK)
+    assert play.run.end
+    assert play.run.end.message.startswith(
+        "/platoon/status: a message in the name of this run, from another publisher"
+    )
+
+
+def test_a_publisher_that_nobody_can_hear_is_a_warning_and_given_once() -> None:
+    play = Play().running()
+    look = GraphObserved((), ("/platoon/status: /x publishes std_msgs/msg/Bool there",))
+    assert play.feed(look) == [Warn(look.harmless[0])]
+    assert play.feed(look) == []
+    flood = GraphObserved((), tuple(f"line {i}" for i in range(1000)))
+    assert len(play.feed(flood)) < 30
+    play.after(TICK)
+    assert play.run.stage is Stage.RUNNING
+
+
+# Two platoons of one name.
+
+BEFORE, AFTER = "0000", "ffff"
+"""Names of runs that come before and after f00d."""
+
+
+@pytest.mark.parametrize(
+    ("stage", "rival", "stays"),
+    [
+        ("started", RivalHeard(AFTER, RunPhase.WAITING), True),
+        ("started", RivalHeard(BEFORE, RunPhase.WAITING), False),
+        ("started", RivalHeard(AFTER, RunPhase.MATCHING), False),
+        ("started", RivalHeard(AFTER, RunPhase.RUNNING), False),
+        ("started", RivalHeard(BEFORE, RunPhase.FAILED), True),
+        ("matching", RivalHeard(BEFORE, RunPhase.WAITING), True),
+        ("matching", RivalHeard(AFTER, RunPhase.MATCHING), True),
+        ("matching", RivalHeard(BEFORE, RunPhase.MATCHING), False),
+        ("running", RivalHeard(BEFORE, RunPhase.WAITING), True),
+        ("running", RivalHeard(BEFORE, RunPhase.MATCHING), True),
+        ("running", RivalHeard(BEFORE, RunPhase.RUNNING), True),
+    ],
+)
+def test_one_of_two_gives_way(stage: str, rival: RivalHeard, stays: bool) -> None:
+    play = Play()
+    getattr(play, stage)()
+    play.after(TICK, rival)
+    assert (play.run.stage is not Stage.LEAVING) == stays
+    if not stays:
+        assert play.run.end
+        topic = "/platoon/status: run "
+        assert play.run.end.message == f"{topic}{rival.run!r} was there before. {ADVICE}"
+
+
+def test_who_stays_has_patience_with_a_rival_and_not_without_end() -> None:
+    play = Play(run__stall_timeout=100.0).running()
+    play.feed(RivalHeard(BEFORE, RunPhase.WAITING))
+    play.foreign = ("/platoon/status has 2 publishers: /platoon/supervisor, /platoon/supervisor",)
+    play.after(RIVAL_PATIENCE - TICK)
+    assert play.run.stage is Stage.RUNNING
+    play.feed(RivalHeard(BEFORE, RunPhase.WAITING))
+    play.after(GRAPH_PERIOD + TICK)
+    assert play.run.end == EndRun(EndStatus.FAILED, f"{play.foreign[0]}. {ADVICE}")
+
+
+def test_a_rival_is_no_cover_for_publishers_of_data() -> None:
+    play = Play().running()
+    play.feed(RivalHeard(BEFORE, RunPhase.WAITING))
+    play.foreign = ("/platoon/vehicle_0/pose has 2 publishers: /x, /y",)
+    play.after(GRAPH_PERIOD + TICK)
+    assert play.run.end == EndRun(EndStatus.FAILED, f"{play.foreign[0]}. {ADVICE}")
 
 
 # The end.
@@ -768,6 +979,10 @@ EVENTS = st.one_of(
             MessageRefused("y"),
             GraphObserved(("z",)),
             ProcessEnded("front", 100, "ended"),
+            RivalHeard("0", RunPhase.WAITING),
+            RivalHeard("z", RunPhase.RUNNING),
+            HostsStarted({"front": 100}),
+            HostReported(dataclasses.replace(FRONT, pid=1)),
         ]
     ),
 )
@@ -784,7 +999,7 @@ def test_any_run_of_events_keeps_the_rules(events: list[tuple[float, Event]]) ->
         assert play.run.progress >= progress
         progress = play.run.progress
         assert progress <= play.run.reach
-    for _ in range(3):
+    for _ in range(NEWCOMER_LOOKS + 3):
         play.after(40.0)
     assert play.run.stage is Stage.OVER
     assert isinstance(play.end, EndRun)

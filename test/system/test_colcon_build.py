@@ -113,7 +113,8 @@ nodes="$1"; shift
 "$nodes/leader" --ros-args -r __ns:=/platoon/vehicle_0 "$@" &
 "$nodes/noise_relay" --ros-args -r __ns:=/platoon/vehicle_1 "$@" -p record:=parts &
 "$nodes/vehicle" --ros-args -r __ns:=/platoon/vehicle_1 "$@" -p record:=parts &
-"$nodes/supervisor" --ros-args "$@" -p run.spawn:=false -p record.directory:=run
+"$nodes/supervisor" --ros-args "$@" -p run.spawn:=false -p record.directory:=run \
+  -p record.parts:=parts
 """
 
 

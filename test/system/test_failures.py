@@ -58,7 +58,8 @@ def test_a_killed_node_that_was_started_manually_ends_the_run(platoon: Start) ->
 
 
 def test_a_killed_recorder_ends_the_run(platoon: Start, tmp_path: Path) -> None:
-    run = platoon(*SMALL, "run.spawn=false", "run.stall_timeout=2")
+    parts = f"record.parts={tmp_path / 'parts'}"
+    run = platoon(*SMALL, "run.spawn=false", "run.stall_timeout=2", parts)
     run.start("recorder", parameters=[f"record:={tmp_path / 'parts'}"])
     run.wait_node("host_recorder/recorder")
     for node in run.scenario.node_names:
@@ -125,28 +126,6 @@ def test_a_stall_names_who_stopped(platoon: Start) -> None:
     assert "no progress for" in result.message
     assert "vehicle_2/vehicle) does not answer" in result.message
     assert_bag_is_readable(run, at_least=100)
-
-
-def test_a_second_platoon_of_the_same_name_gives_way(platoon: Start, tmp_path: Path) -> None:
-    run = platoon(*SMALL, hosts=2)
-    run.wait_state("running")
-    second = subprocess.run(
-        [
-            *(sys.executable, "-m", "cacc_platoon", "run", str(run.scenario_file)),
-            *("-o", str(tmp_path / "second"), "--no-report"),
-        ],
-        env=run.environment(),
-        capture_output=True,
-        text=True,
-        timeout=30,
-        check=False,
-    )
-    assert second.returncode == 1
-    assert "Another platoon" in second.stderr
-    result = run.result()
-    assert result.status in ("finished", "failed")
-    if result.status == "failed":
-        assert "publishers" in result.message
 
 
 def test_a_foreign_publisher_is_named(platoon: Start) -> None:

@@ -130,7 +130,7 @@ def test_nodes_started_manually_in_any_order(platoon: Start) -> None:
 
 def test_manual_nodes_may_record_themselves(platoon: Start, tmp_path: Path) -> None:
     settings = ("run.duration=5", "platoon.followers=2")
-    run = platoon(*settings, "run.spawn=false")
+    run = platoon(*settings, "run.spawn=false", f"record.parts={tmp_path / 'parts'}")
     for node in run.scenario.node_names:
         run.start(node, parameters=[f"record:={tmp_path / 'parts'}"])
     result = run.result()
