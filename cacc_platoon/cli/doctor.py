@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 from cacc_platoon import __version__
 from cacc_platoon.cli.exit_codes import DONE, FAILED
+from cacc_platoon.cli.ros import rmw_fault
 from cacc_platoon.dds.environment import prefer_local
 
 LIBRARIES = ("numpy", "rosbags", "ruamel.yaml", "matplotlib")
@@ -76,6 +77,8 @@ def _library(name: str) -> Finding:
 
 
 def _rclpy() -> Finding:
+    if fault := rmw_fault():
+        return Finding("rclpy", False, fault)
     try:
         import rclpy  # noqa: PLC0415, F401  (that is the question)
         from rclpy.utilities import get_rmw_implementation_identifier  # noqa: PLC0415
@@ -92,6 +95,8 @@ def _rclpy() -> Finding:
 def _discovery() -> Finding:
     """Let two processes exchange a message over DDS."""
     prefer_local(os.environ)
+    if rmw_fault():
+        return Finding("DDS", False, "not tried without rclpy")
     try:
         from cacc_platoon.supervision.round_trip import measure_round_trip  # noqa: PLC0415
     except ImportError:

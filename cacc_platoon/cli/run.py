@@ -6,10 +6,9 @@ The run folder then holds the bag, the resolved scenario, run.json, metrics.json
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 
-from cacc_platoon.cli.console import libraries_on_stderr
+from cacc_platoon.cli.console import libraries_on_stderr, say
 from cacc_platoon.cli.exit_codes import DONE, FAILED
 from cacc_platoon.cli.judge import add_verdict_arguments, conclude, warn_before
 from cacc_platoon.cli.progress import ProgressLine
@@ -82,11 +81,11 @@ def run_and_judge(scenario: Scenario, output: Path | None, options: argparse.Nam
         with ProgressLine(scenario.run.step, shown=not options.verbose) as progress:
             outcome = run_platoon(scenario, folder, progress, stop.received)
     if outcome.status is not EndStatus.FINISHED:
-        print(f"platoon: {outcome.status}: {outcome.message}", file=sys.stderr)
-        print(f"platoon: what was recorded until then is in {folder}", file=sys.stderr)
+        say(f"{outcome.status}: {outcome.message}")
+        say(f"what was recorded until then is in {folder}")
         return stop.exit_code or FAILED
     if stop.received():
-        print(f"platoon: the run is complete in {folder}; not judged", file=sys.stderr)
+        say(f"the run is complete in {folder}; not judged")
         return stop.exit_code
     if options.no_report:
         return DONE

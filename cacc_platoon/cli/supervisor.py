@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from cacc_platoon.cli.exit_codes import BAD_INPUT, DONE
+from cacc_platoon.cli.ros import require_ros
 from cacc_platoon.cli.run import run_and_judge
 from cacc_platoon.errors import UserError
 from cacc_platoon.scenario import Scenario
@@ -43,6 +44,7 @@ def _scenario() -> Scenario:
     ROS hands a node its own parameters only; the sections for single vehicles, which the hosts
     need, are read from the files themselves.
     """
+    require_ros("supervisor", "platoon simulate runs a scenario")
     from cacc_platoon.supervision.entry_points import supervisor_parameters  # noqa: PLC0415  (needs ROS)
 
     values = supervisor_parameters()
