@@ -25,8 +25,9 @@ def read_text(path: Path, most: int = MAX_TEXT) -> str:
         When it is none: absent, a pipe or a device, too large, no UTF-8.
     """
     try:
-        if not stat.S_ISREG(path.stat().st_mode):
-            raise TextError("is no regular file")
+        mode = path.stat().st_mode
+        if not stat.S_ISREG(mode):
+            raise TextError("is a directory" if stat.S_ISDIR(mode) else "is a pipe or a device")
         with path.open("rb") as file:
             data = file.read(most + 1)
         check_size(len(data), most)

@@ -24,6 +24,7 @@ from cacc_platoon.bags.unpack import TooLargeError, Unpacker, UnpackError
 MAGIC = b"\x89MCAP0\r\n"
 _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _DATA_END = 0x03, 0x04, 0x05, 0x06, 0x0F
 _PREFIX = 9  # opcode and length
+_BATCH = 1_000_000
 _MESSAGE_HEAD = 22  # channel, sequence, log time, publish time
 _CHUNK_HEAD = 28  # start, end, uncompressed size, checksum
 _HEAD = struct.Struct("<BQ")
@@ -55,7 +56,10 @@ def read_mcap(path: Path, unpacker: Unpacker, progress: Progress | None = None) 
     if data[: len(MAGIC)] != MAGIC:
         raise BagError(f"{path}: is not an MCAP file, it does not begin as one. Give a bag.")
     scan = _Scan(data, unpacker)
-    scan.walk_file(progress)
+    try:
+        scan.walk_file(progress)
+    except TooLargeError as error:
+        scan.damage.append(str(error))
     return RawFile(scan.topics(), scan.damage)
 
 
@@ -95,11 +99,7 @@ class _Scan:
             if code == _DATA_END:
                 return
             if code == _CHUNK:
-                try:
-                    self._walk_chunk(begin, min(stop, end), whole=stop <= end)
-                except TooLargeError as error:
-                    self.damage.append(str(error))
-                    return
+                self._walk_chunk(begin, min(stop, end), whole=stop <= end)
                 chunks += 1
                 if progress and chunks % 16 == 0:
                     progress("reading", position, end)
@@ -152,16 +152,24 @@ class _Scan:
         whole: bool = True,
     ) -> None:
         """Record the messages between two bytes; the loop does nothing but hop."""
-        hops = []
         while position + _PREFIX <= end:
-            hops.append(position)
-            position += _PREFIX + _LENGTH(data, position + 1)[0]
-        if not hops:
-            return
-        if position > end:
-            last = hops.pop()
-            if whole:
-                self.damage.append(f"is unreadable at byte {base + last}; that part is left out")
+            hops: list[int] = []
+            while position + _PREFIX <= end and len(hops) < _BATCH:
+                hops.append(position)
+                position += _PREFIX + _LENGTH(data, position + 1)[0]
+            if position > end:
+                last = hops.pop()
+                if whole:
+                    self.damage.append(
+                        f"is unreadable at byte {base + last}; that part is left out"
+                    )
+            self._unpacker.count(len(hops))
+            self._record(data, hops, locations, base)
+
+    def _record(
+        self, data: mmap.mmap | bytes, hops: list[int], locations: list[Location], base: int
+    ) -> None:
+        """Record the messages among the records that begin at some bytes."""
         content = np.frombuffer(data, np.uint8)
         starts = np.array(hops, np.int64)
         codes = content[starts]

@@ -130,7 +130,7 @@ class _Reading(NamedTuple):
     def _read_storage(self, file: Path) -> RawFile:
         if file.suffix == ".mcap":
             return read_mcap(file, self.unpacker, self.progress)
-        return read_sqlite(file, self.progress)
+        return read_sqlite(file, self.unpacker, self.progress)
 
 
 def _metadata(path: Path) -> tuple[dict[str, Any], list[str]]:

@@ -9,6 +9,7 @@ from tempfile import TemporaryDirectory
 
 from cacc_platoon.bags.collector import BATCH, Collector
 from cacc_platoon.bags.raw import BagError, Progress, RawFile
+from cacc_platoon.bags.unpack import TooLargeError, Unpacker
 
 _LARGEST = 1 << 36
 _COLUMNS = {"topics": ("id", "name", "type"), "messages": ("id", "topic_id", "timestamp", "data")}
@@ -16,7 +17,7 @@ _INFO = "SELECT * FROM pragma_table_xinfo(?)"
 _CUT_SHORT = "is cut short; read as far as it goes"
 
 
-def read_sqlite(path: Path, progress: Progress | None = None) -> RawFile:
+def read_sqlite(path: Path, unpacker: Unpacker, progress: Progress | None = None) -> RawFile:
     """Find every message of a rosbag2 sqlite3 file, up to where it is damaged.
 
     Raises
@@ -26,7 +27,8 @@ def read_sqlite(path: Path, progress: Progress | None = None) -> RawFile:
     """
     with TemporaryDirectory() as folder:
         whole = _padded(path, Path(folder))
-        return _read_tables(path, whole or path, [] if whole is None else [_CUT_SHORT], progress)
+        damage = [] if whole is None else [_CUT_SHORT]
+        return _read_tables(path, whole or path, damage, unpacker, progress)
 
 
 def _padded(path: Path, folder: Path) -> Path | None:
@@ -54,7 +56,9 @@ def _refuse_computed(database: sqlite3.Connection) -> None:
             raise sqlite3.DatabaseError(f"{table} is not stored as rosbag2 does")
 
 
-def _read_tables(path: Path, source: Path, damage: list[str], progress: Progress | None) -> RawFile:
+def _read_tables(
+    path: Path, source: Path, damage: list[str], unpacker: Unpacker, progress: Progress | None
+) -> RawFile:
     database = sqlite3.connect(f"{source.resolve().as_uri()}?mode=ro&immutable=1", uri=True)
     collector, left = Collector(), path.stat().st_size
     try:
@@ -75,8 +79,12 @@ def _read_tables(path: Path, source: Path, damage: list[str], progress: Progress
                     damage = ["has more in its messages than it is large; the rest is left out"]
                     break
                 collector.add(channel, log_time, data)
-            if progress and count % BATCH == 0:
-                progress("reading", count, 0)
+            if count % BATCH == BATCH - 1:
+                unpacker.count(BATCH)
+                if progress:
+                    progress("reading", count, 0)
+    except TooLargeError as error:
+        damage = [str(error)]
     except (sqlite3.Error, OverflowError, MemoryError) as error:
         if not damage:
             damage = [f"is damaged ({error}); read as far as it goes"]

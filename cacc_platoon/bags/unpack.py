@@ -9,7 +9,9 @@ from typing import Protocol
 
 SPARE = 32 * 2**20
 """Bytes that a bag of any size may unpack to."""
-MOST_TIMES = 16
+MESSAGE = 64
+"""Bytes that it takes to know where a message lies."""
+MOST_TIMES = 40
 """How many times its own size a bag may unpack to beyond that; see docs/design/mcap_scan.md."""
 _PIECE = 1 << 20
 _MOST_FRAMES = 1000
@@ -36,7 +38,7 @@ class _Decompressor(Protocol):
 
 
 class Unpacker:
-    """Unpacks the compressed pieces of one bag, as long as their sum is plausible.
+    """Unpacks the compressed pieces of one bag, as long as it stays plausible what it holds.
 
     Parameters
     ----------
@@ -85,6 +87,18 @@ class Unpacker:
             if self._left < 0:
                 raise self._too_large()
             yield content
+
+    def count(self, records: int) -> None:
+        """Count records that were found, compressed or not.
+
+        Raises
+        ------
+        TooLargeError
+            When there are more than the bag can honestly hold.
+        """
+        self._left -= MESSAGE * records
+        if self._left < 0:
+            raise self._too_large()
 
     def _too_large(self) -> TooLargeError:
         return TooLargeError(
