@@ -11,6 +11,8 @@ from typing import NamedTuple
 from cacc_platoon import __version__
 from cacc_platoon.errors import UserError
 
+_DIGITS = 10
+
 
 class Format(NamedTuple):
     """A kind of document and the version of it that this software writes.
@@ -25,6 +27,11 @@ class Format(NamedTuple):
 
     name: str
     version: int
+
+    @staticmethod
+    def number(text: str) -> int | str:
+        """Return what a text says a version is: a number, or the text where it is none."""
+        return int(text) if text.isdecimal() and len(text) < _DIGITS else text
 
     def check(self, found: object, source: str) -> int:
         """Return the version of a document, 0 when it says none.

@@ -20,17 +20,18 @@ class Room(NamedTuple):
     inside: set[str] = set()  # noqa: RUF012, never changed
 
 
-MODEL = {"errors", "model"}
+MODEL = {"errors", "texts", "model"}
 SCENARIO = MODEL | {"formats", "scenario"}
 RUNS = SCENARIO | {"stepping", "simulation", "msg_adapters", "bags", "runs"}
 JUDGED = RUNS | {"theory", "analysis"}
 ROOMS = {
     "errors": Room(set(), set()),
     "formats": Room({"errors"}, set()),
+    "texts": Room(set(), set()),
     "stop_signal": Room(set(), set()),
     "time_limit": Room(set(), set()),
     "dds": Room({"errors"}, set()),
-    "model": Room({"errors"}, {"numpy"}),
+    "model": Room({"errors", "texts"}, {"numpy"}),
     "theory": Room(MODEL, {"numpy"}),
     "scenario": Room({*MODEL, "formats"}, {"numpy", "ruamel"}),
     "design": Room({*MODEL, "formats", "theory"}, {"numpy"}),

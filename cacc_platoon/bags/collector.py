@@ -13,10 +13,9 @@ class Collector:
     """Puts messages that arrive one by one into arrays, a batch at a time."""
 
     def __init__(self) -> None:
-        self._parts: list[bytes] = []
+        self._data = bytearray()
         self._locations: list[Location] = []
         self._rows: list[tuple[int, int, bytes]] = []
-        self._size = 0
 
     def add(self, channel: int, log_time: int, data: bytes) -> None:
         """Take the next message."""
@@ -27,7 +26,7 @@ class Collector:
     def finish(self, channels: dict[int, tuple[str, str]], damage: list[str]) -> RawFile:
         """Return all of them, by channel."""
         self._pack()
-        data = np.frombuffer(b"".join(self._parts), np.uint8)
+        data = np.frombuffer(self._data, np.uint8)
         return RawFile(split_by_channel(data, self._locations, channels), damage)
 
     def _pack(self) -> None:
@@ -35,10 +34,9 @@ class Collector:
             return
         channels, times, blobs = zip(*self._rows, strict=True)
         lengths = np.array([len(blob) for blob in blobs], np.int64)
-        ends = self._size + np.cumsum(lengths)
+        ends = len(self._data) + np.cumsum(lengths)
         self._locations.append(
             Location(np.array(channels), ends - lengths, lengths, np.array(times, np.int64))
         )
-        self._parts.append(b"".join(blobs))
-        self._size = int(ends[-1])
+        self._data += b"".join(blobs)
         self._rows = []

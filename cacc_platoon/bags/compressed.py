@@ -1,44 +1,54 @@
-"""Compressed bags, by way of rosbags."""
+"""Bags that rosbag2 has compressed as a whole, file by file or message by message."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
 
-from cacc_platoon.bags.collector import BATCH, Collector
-from cacc_platoon.bags.raw import BagError, Progress, RawFile
+from cacc_platoon.bags.collector import Collector
+from cacc_platoon.bags.raw import Progress, RawFile
+from cacc_platoon.bags.unpack import TooLargeError, Unpacker, UnpackError
+
+FORMAT = "zstd"
+"""The only compression that rosbag2 has."""
 
 
-def read_with_rosbags(path: Path, progress: Progress | None = None) -> RawFile:
-    """Find every message of a compressed bag by way of rosbags.
+def unpack_file(file: Path, folder: Path, unpacker: Unpacker) -> tuple[Path, list[str]]:
+    """Unpack a compressed storage file into a folder.
 
-    Parameters
-    ----------
-    path : Path
-        A bag's folder, or one storage file.
-
-    Raises
-    ------
-    BagError
-        When rosbags cannot open it.
+    Returns
+    -------
+    Path, list of str
+        The storage file, and what was wrong with the compressed one.
     """
-    from rosbags.rosbag2 import Reader  # noqa: PLC0415  (seldom needed)
+    target, damage = folder / file.stem, list[str]()
+    with target.open("wb") as output:
+        try:
+            for piece in unpacker.pieces(FORMAT, file.read_bytes()):
+                output.write(piece)
+        except UnpackError as error:
+            damage.append(_damage(error))
+    return target, damage
 
-    collector, damage = Collector(), list[str]()
-    channels: dict[int, tuple[str, str]] = {}
+
+def unpack_messages(file: RawFile, unpacker: Unpacker, progress: Progress | None) -> RawFile:
+    """Return a storage file with its messages unpacked, up to the first that cannot be."""
+    damage = list(file.damage)
+    channels = {n: (topic.name, topic.type_name) for n, topic in enumerate(file.topics)}
+    total = sum(len(topic.lengths) for topic in file.topics)
+    collector, done = Collector(), 0
     try:
-        with Reader(path) as reader:
-            connections = reader.connections
-            channels = {c.id: (c.topic, c.msgtype) for c in connections}
-            total = reader.message_count
-            messages: Iterable[tuple[object, int, bytes]] = reader.messages(connections)
-            for count, (connection, log_time, data) in enumerate(messages):
-                collector.add(connection.id, log_time, bytes(data))  # type: ignore[attr-defined]
-                if progress and count % BATCH == 0:
-                    progress("reading", count, total)
-    except Exception as error:  # rosbags lets errors of its decompressors through
-        reason = " ".join(str(error).split()) or type(error).__name__
-        if not channels:
-            raise BagError(f"{path}: cannot be read as a bag ({reason}). Give a bag.") from error
-        damage.append(f"is damaged ({reason}); read as far as it goes")
+        for number, topic in enumerate(file.topics):
+            for log_time, data in zip(topic.log_times.tolist(), topic.messages(), strict=True):
+                collector.add(number, log_time, unpacker.unpack(FORMAT, data))
+                done += 1
+            if progress:
+                progress("reading", done, total)
+    except UnpackError as error:
+        damage.append(_damage(error))
     return collector.finish(channels, damage)
+
+
+def _damage(error: UnpackError) -> str:
+    if isinstance(error, TooLargeError):
+        return str(error)
+    return f"is damaged ({error}); read as far as it goes"

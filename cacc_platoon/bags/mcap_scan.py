@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import importlib
 import mmap
 import struct
-import sys
 import zlib
 from pathlib import Path
 
@@ -18,21 +16,32 @@ from cacc_platoon.bags.raw import (
     Location,
     Progress,
     RawFile,
+    RawTopic,
     split_by_channel,
 )
+from cacc_platoon.bags.unpack import TooLargeError, Unpacker, UnpackError
 
 MAGIC = b"\x89MCAP0\r\n"
 _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _DATA_END = 0x03, 0x04, 0x05, 0x06, 0x0F
 _PREFIX = 9  # opcode and length
-_LARGEST_CHUNK = 1 << 30
+_BATCH = 1_000_000
 _MESSAGE_HEAD = 22  # channel, sequence, log time, publish time
 _CHUNK_HEAD = 28  # start, end, uncompressed size, checksum
 _HEAD = struct.Struct("<BQ")
 _LENGTH = struct.Struct("<Q").unpack_from
 
 
-def read_mcap(path: Path, progress: Progress | None = None) -> RawFile:
+def read_mcap(path: Path, unpacker: Unpacker, progress: Progress | None = None) -> RawFile:
     """Find every message of an MCAP file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    unpacker : Unpacker
+        What its compressed chunks are unpacked by, that of the whole bag.
+    progress : callable, optional
+        Called periodically with what is being done, how much is done and how much there is.
 
     Raises
     ------
@@ -46,35 +55,40 @@ def read_mcap(path: Path, progress: Progress | None = None) -> RawFile:
         data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
     if data[: len(MAGIC)] != MAGIC:
         raise BagError(f"{path}: is not an MCAP file, it does not begin as one. Give a bag.")
-    scan = _Scan(data)
-    scan.walk_file(progress)
-    topics = split_by_channel(scan.everything(), scan.locations, scan.topics())
-    return RawFile(topics, scan.damage)
+    scan = _Scan(data, unpacker)
+    try:
+        scan.walk_file(progress)
+    except TooLargeError as error:
+        scan.damage.append(str(error))
+    return RawFile(scan.topics(), scan.damage)
 
 
 class _Scan:
-    """One pass over a file; what its chunks decompress to lies behind the file itself."""
+    """One pass over a file; what its chunks unpack to is kept beside the file itself."""
 
-    def __init__(self, data: mmap.mmap) -> None:
+    def __init__(self, data: mmap.mmap, unpacker: Unpacker) -> None:
         self.data = data
-        self.locations: list[Location] = []
         self.damage: list[str] = []
-        self._decompressed: list[Bytes] = []
-        self._size = len(data)
+        self._unpacker = unpacker
+        self._unpacked = bytearray()
+        self._in_file: list[Location] = []
+        self._in_unpacked: list[Location] = []
         self._schemas: dict[int, str] = {}
         self._channels: dict[int, tuple[int, str]] = {}
 
-    def everything(self) -> Bytes:
-        """Return what the locations point into."""
-        file = np.frombuffer(self.data, np.uint8)
-        return np.concatenate([file, *self._decompressed]) if self._decompressed else file
-
-    def topics(self) -> dict[int, tuple[str, str]]:
-        """Topic and type of every channel."""
-        return {
+    def topics(self) -> list[RawTopic]:
+        """Return the messages of every channel, those that were compressed by themselves."""
+        channels = {
             number: (topic, self._schemas.get(schema, ""))
             for number, (schema, topic) in self._channels.items()
         }
+        sources = ((self.data, self._in_file), (self._unpacked, self._in_unpacked))
+        return [
+            topic
+            for data, locations in sources
+            if locations or data is self.data
+            for topic in split_by_channel(np.frombuffer(data, np.uint8), locations, channels)
+        ]
 
     def walk_file(self, progress: Progress | None) -> None:
         """Visit all records outside and inside of chunks."""
@@ -90,7 +104,7 @@ class _Scan:
                 if progress and chunks % 16 == 0:
                     progress("reading", position, end)
             elif stop <= end:
-                self._walk_records(self.data, position, stop)
+                self._walk_records(self.data, position, stop, self._in_file)
             if stop > end:
                 break
             position = stop
@@ -107,19 +121,21 @@ class _Scan:
         stop = min(start + _LENGTH(self.data, start - 8)[0], end)
         if not name_length:
             self._check(memoryview(self.data)[start:stop], checksum, begin)
-            self._walk_records(self.data, start, stop, whole=whole)
+            self._walk_records(self.data, start, stop, self._in_file, whole=whole)
             return
         name = self.data[begin + _CHUNK_HEAD + 4 : start - 8]
         try:
-            content = decompress(name.decode(errors="replace"), self.data[start:stop], size)
-        except Exception as error:  # each library has its own kinds
-            reason = str(error) or type(error).__name__
-            self.damage.append(f"has an unreadable chunk at byte {begin} ({reason})")
+            content = self._unpacker.unpack(
+                name.decode(errors="replace"), self.data[start:stop], size
+            )
+        except TooLargeError:
+            raise
+        except UnpackError as error:
+            self.damage.append(f"has an unreadable chunk at byte {begin} ({error})")
             return
         self._check(content, checksum, begin)
-        self._walk_records(content, 0, len(content), base=self._size)
-        self._decompressed.append(np.frombuffer(content, np.uint8))
-        self._size += len(content)
+        self._walk_records(content, 0, len(content), self._in_unpacked, base=len(self._unpacked))
+        self._unpacked += content
 
     def _check(self, content: bytes | memoryview, checksum: int, at: int) -> None:
         if checksum and zlib.crc32(content) != checksum:
@@ -130,21 +146,30 @@ class _Scan:
         data: mmap.mmap | bytes,
         position: int,
         end: int,
+        locations: list[Location],
         *,
         base: int = 0,
         whole: bool = True,
     ) -> None:
         """Record the messages between two bytes; the loop does nothing but hop."""
-        hops = []
         while position + _PREFIX <= end:
-            hops.append(position)
-            position += _PREFIX + _LENGTH(data, position + 1)[0]
-        if not hops:
-            return
-        if position > end:
-            last = hops.pop()
-            if whole:
-                self.damage.append(f"is unreadable at byte {base + last}; that part is left out")
+            hops: list[int] = []
+            while position + _PREFIX <= end and len(hops) < _BATCH:
+                hops.append(position)
+                position += _PREFIX + _LENGTH(data, position + 1)[0]
+            if position > end:
+                last = hops.pop()
+                if whole:
+                    self.damage.append(
+                        f"is unreadable at byte {base + last}; that part is left out"
+                    )
+            self._unpacker.count(len(hops))
+            self._record(data, hops, locations, base)
+
+    def _record(
+        self, data: mmap.mmap | bytes, hops: list[int], locations: list[Location], base: int
+    ) -> None:
+        """Record the messages among the records that begin at some bytes."""
         content = np.frombuffer(data, np.uint8)
         starts = np.array(hops, np.int64)
         codes = content[starts]
@@ -154,7 +179,7 @@ class _Scan:
         lengths = _number(content, starts + 1, "<u8").astype(np.int64) - _MESSAGE_HEAD
         starts, lengths = starts[lengths >= 0], lengths[lengths >= 0]
         begin = starts + _PREFIX
-        self.locations.append(
+        locations.append(
             Location(
                 _number(content, begin, "<u2").astype(np.int64),
                 base + begin + _MESSAGE_HEAD,
@@ -176,27 +201,6 @@ class _Scan:
                 self._channels.setdefault(number, (schema, _text(body, 4)))
         except (struct.error, UnicodeDecodeError):
             self.damage.append(f"has an unreadable topic definition at byte {at}")
-
-
-def decompress(name: str, data: bytes, size: int) -> bytes:
-    """Return the content of a compressed chunk, with the libraries that rosbags brings along.
-
-    Raises
-    ------
-    ValueError
-        When the compression is not known or the size is not plausible; the libraries raise
-        their own.
-    """
-    if size > _LARGEST_CHUNK:
-        raise ValueError(f"{size} bytes are too many for a chunk")
-    if name == "zstd":
-        module = "compression.zstd" if sys.version_info >= (3, 14) else "backports.zstd"
-    elif name == "lz4":
-        module = "lz4.frame"
-    else:
-        raise ValueError(f"unknown compression {name}")
-    content: bytes = importlib.import_module(module).decompress(data)
-    return content
 
 
 def _number(content: Bytes, at: Integers, kind: str) -> Integers:

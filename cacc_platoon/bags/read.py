@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path, PurePath
+from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
-from ruamel.yaml import YAML
-
-from cacc_platoon.bags.compressed import read_with_rosbags
+from cacc_platoon.bags.compressed import unpack_file, unpack_messages
 from cacc_platoon.bags.mcap_scan import read_mcap
 from cacc_platoon.bags.raw import BagError, Progress, RawFile, RawTopic
 from cacc_platoon.bags.rows import FORMAT, FORMAT_KEY
 from cacc_platoon.bags.sqlite_scan import read_sqlite
+from cacc_platoon.bags.unpack import Unpacker
+from cacc_platoon.formats import Format
+from cacc_platoon.scenario.yaml_text import YamlTextError, load_yaml
+from cacc_platoon.texts import TextError, read_text
 
 METADATA = "metadata.yaml"
-_READERS = {".mcap": read_mcap, ".db3": read_sqlite}
+_STORAGE = (".mcap", ".db3")
 _COMPRESSED = ".zstd"
+_MOST_DAMAGE = 20
+_TOPICS = re.compile(r"^  topics_with_message_count:\n(?:(?: {4}|  -).*\n)*", re.MULTILINE)
+"""What a bag's metadata says of its topics: not needed, and long where there are many."""
 
 
 class RawBag(NamedTuple):
@@ -63,28 +70,32 @@ def read_bag(path: Path, progress: Progress | None = None) -> RawBag:
     metadata, damage = _metadata(path)
     custom = _custom_data(metadata)
     version = custom.get(FORMAT_KEY)
-    FORMAT.check(int(version) if version and version.isdecimal() else version, str(path))
+    FORMAT.check(None if version is None else Format.number(version), str(path))
+    files = _storage_files(path, metadata, damage)
+    reading = _Reading(
+        Unpacker(sum(file.stat().st_size for file in files)),
+        str(metadata.get("compression_mode")).lower() == "message",
+        progress,
+    )
     parts: list[RawFile] = []
     refusals: list[BagError] = []
-    mode = str(metadata.get("compression_mode") or "").lower()
-    if mode not in ("", "none"):
-        parts.append(read_with_rosbags(path, progress))
-    else:
-        for file in _storage_files(path, metadata, damage):
-            try:
-                part = _read_file(file, progress)
-            except BagError as error:
-                refusals.append(error)
-                damage.append(str(error))
-                continue
-            parts.append(part)
-            damage += [f"{file.name} {line}" for line in part.damage]
+    for file in files:
+        try:
+            part = reading.read(file)
+        except BagError as error:
+            refusals.append(error)
+            damage.append(str(error))
+            continue
+        parts.append(part)
+        damage += [f"{file.name} {line}" for line in part.damage]
     if not parts and refusals:
         raise refusals[0]
     topics: dict[str, list[RawTopic]] = {}
     for part in parts:
         for topic in part.topics:
             topics.setdefault(topic.name, []).append(topic)
+    if len(damage) > _MOST_DAMAGE:
+        damage[_MOST_DAMAGE:] = [f"and {len(damage) - _MOST_DAMAGE} more faults"]
     return RawBag(path, topics, damage, custom)
 
 
@@ -93,13 +104,33 @@ def _custom_data(metadata: dict[str, Any]) -> dict[str, str]:
     return {str(k): str(v) for k, v in custom.items()} if isinstance(custom, dict) else {}
 
 
-def _read_file(file: Path, progress: Progress | None) -> RawFile:
-    if file.suffix == _COMPRESSED:
-        raise BagError(f"{file}: is compressed and its metadata is missing. Unpack it with zstd.")
-    try:
-        return _READERS[file.suffix](file, progress)
-    except OSError as error:
-        raise BagError(f"{file}: cannot be read ({error.strerror}).") from error
+class _Reading(NamedTuple):
+    """How the storage files of a bag are read."""
+
+    unpacker: Unpacker
+    message_by_message: bool
+    progress: Progress | None
+
+    def read(self, file: Path) -> RawFile:
+        """Find every message of a storage file, compressed or not."""
+        try:
+            if file.suffix == _COMPRESSED:
+                with TemporaryDirectory() as folder:
+                    unpacked, damage = unpack_file(file, Path(folder), self.unpacker)
+                    found = self._read_storage(unpacked)
+                found.damage[:0] = damage
+            else:
+                found = self._read_storage(file)
+        except OSError as error:
+            raise BagError(f"{file}: cannot be read ({error.strerror}).") from error
+        if self.message_by_message:
+            return unpack_messages(found, self.unpacker, self.progress)
+        return found
+
+    def _read_storage(self, file: Path) -> RawFile:
+        if file.suffix == ".mcap":
+            return read_mcap(file, self.unpacker, self.progress)
+        return read_sqlite(file, self.unpacker, self.progress)
 
 
 def _metadata(path: Path) -> tuple[dict[str, Any], list[str]]:
@@ -110,32 +141,30 @@ def _metadata(path: Path) -> tuple[dict[str, Any], list[str]]:
     if not file.is_file():
         return {}, [f"{METADATA} is missing; the storage files were read without it"]
     try:
-        document = YAML(typ="safe", pure=True).load(file.read_text(encoding="utf-8"))
-        metadata = document["rosbag2_bagfile_information"]
-        if not isinstance(metadata, dict):
-            raise TypeError
-    except Exception:  # a damaged document fails in many ways, all of them mean the same
+        document = load_yaml(_TOPICS.sub("", read_text(file)))
+    except (TextError, YamlTextError):
+        document = None
+    metadata = document.get("rosbag2_bagfile_information") if isinstance(document, dict) else None
+    if not isinstance(metadata, dict):
         return {}, [f"{METADATA} is damaged; the storage files were read without it"]
     return metadata, []
 
 
+def _is_storage(file: Path) -> bool:
+    name = file.with_suffix("") if file.suffix == _COMPRESSED else file
+    return name.suffix in _STORAGE and file.is_file()
+
+
 def _storage_files(path: Path, metadata: dict[str, Any], damage: list[str]) -> list[Path]:
-    if path.is_file():
-        if path.suffix not in (*_READERS, _COMPRESSED):
+    if not path.is_dir():
+        if not _is_storage(path):
             raise BagError(f"{path}: is no .mcap or .db3 file. Give a run folder or a bag.")
         return [path]
-    found = sorted(
-        file
-        for file in path.iterdir()
-        if file.suffix in (*_READERS, _COMPRESSED) and file.is_file()
-    )
+    found = {file.name: file for file in sorted(path.iterdir()) if _is_storage(file)}
     named = metadata.get("relative_file_paths")
-    listed = [path / PurePath(str(n)).name for n in named] if isinstance(named, list) else []
-    for file in listed:
-        if not file.is_file():
-            damage.append(f"{file.name} is named in {METADATA} and missing")
-    files = [file for file in listed if file in found]
-    files += [file for file in found if file not in files]
+    listed = [PurePath(str(name)).name for name in named] if isinstance(named, list) else []
+    damage += [f"{name} is named in {METADATA} and missing" for name in listed if name not in found]
+    files = [found[name] for name in dict.fromkeys([*listed, *found]) if name in found]
     if not files:
         raise BagError(f"{path}: holds no .mcap or .db3 file. Give a run folder or a bag.")
     return files

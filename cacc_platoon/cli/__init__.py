@@ -3,36 +3,69 @@
 from __future__ import annotations
 
 import argparse
+import errno
 import importlib
-import os
 import sys
 from collections.abc import Sequence
 from types import ModuleType
+from typing import NoReturn
 
 from cacc_platoon import __version__
+from cacc_platoon.cli.console import give_up_output, open_standard_streams, say
 from cacc_platoon.cli.exit_codes import BAD_INPUT, FAILED, INTERRUPTED
-from cacc_platoon.errors import UserError
+from cacc_platoon.errors import UserError, one_line
 
 VERBS = ("design", "run", "simulate", "report", "replay", "layout", "paper", "parameters", "doctor")
+_OF_A_PATH = (
+    errno.ENOENT,
+    errno.ENOTDIR,
+    errno.EISDIR,
+    errno.EACCES,
+    errno.EPERM,
+    errno.ELOOP,
+    errno.ENAMETOOLONG,
+    errno.EEXIST,
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one verb and return its exit code."""
+    open_standard_streams()
     given = sys.argv[1:] if arguments is None else arguments
     try:
-        options = _parser(_asked(given)).parse_args(given)
-        code: int = options.verb.run(options)
-        sys.stdout.flush()
+        try:
+            options = _parser(_asked(given)).parse_args(given)
+            code: int = options.verb.run(options)
+        finally:
+            sys.stdout.flush()
     except UserError as error:
-        print(f"platoon: {error}", file=sys.stderr)
+        say(str(error))
         return BAD_INPUT
     except BrokenPipeError:  # the reader of our output has seen enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        give_up_output()
         return FAILED
+    except OSError as error:
+        return _of_the_system(error)
     except KeyboardInterrupt:
-        print("platoon: interrupted", file=sys.stderr)
+        say("interrupted")
         return INTERRUPTED
     return code
+
+
+def _of_the_system(error: OSError) -> int:
+    """Say what the system refuses; a path that cannot be used is bad input."""
+    if error.filename is None:
+        give_up_output()
+        say(f"standard output cannot be written: {error.strerror}. Its answer is lost.")
+        return FAILED
+    say(f"{error.filename}: {error.strerror}. Give a path that can be used.")
+    return BAD_INPUT if error.errno in _OF_A_PATH else FAILED
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        """Say what is wrong with the arguments in a line that can be shown."""
+        super().error(one_line(message))
 
 
 def _asked(arguments: Sequence[str]) -> Sequence[str]:
@@ -42,7 +75,7 @@ def _asked(arguments: Sequence[str]) -> Sequence[str]:
 
 def _parser(names: Sequence[str]) -> argparse.ArgumentParser:
     """Return a parser of these verbs; each costs the import of its module."""
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="platoon",
         description="Choose, run, record and judge a platoon under noisy V2V communication.",
         epilog="Exit codes: 0 done, 1 a run failed, 2 bad input, 3 not proven string "

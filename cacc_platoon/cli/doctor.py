@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 from cacc_platoon import __version__
 from cacc_platoon.cli.exit_codes import DONE, FAILED
+from cacc_platoon.cli.ros import rmw_fault
 from cacc_platoon.dds.environment import RANGE, check_loading, is_local, set_up
 from cacc_platoon.dds.shared_memory import sweep
 from cacc_platoon.errors import UserError
@@ -79,6 +80,8 @@ def _library(name: str) -> Finding:
 
 
 def _rclpy() -> Finding:
+    if fault := rmw_fault():
+        return Finding("rclpy", False, fault)
     try:
         check_loading()
         import rclpy  # noqa: PLC0415, F401  (that is the question)
@@ -111,6 +114,8 @@ def _network() -> Finding:
 
 def _discovery() -> Finding:
     """Let two processes exchange a message over DDS."""
+    if rmw_fault():
+        return Finding("DDS", False, "not tried without rclpy")
     try:
         set_up(os.environ)
         check_loading()

@@ -7,7 +7,9 @@ import json
 import sys
 from typing import TYPE_CHECKING
 
+from cacc_platoon.cli.console import say
 from cacc_platoon.cli.exit_codes import DONE, NOT_STRING_STABLE
+from cacc_platoon.errors import printable
 
 if TYPE_CHECKING:
     from cacc_platoon.report import WrittenReport
@@ -33,8 +35,8 @@ def conclude(written: WrittenReport, options: argparse.Namespace) -> int:
         json.dump(metrics, sys.stdout, indent=1, allow_nan=False)
         print()
     else:
-        print(summary(report, metrics))
-        print(f"  page   {report.folder / 'report.html'}")
+        print(printable(summary(report, metrics)))
+        print(printable(f"  page   {report.folder / 'report.html'}"))
     return NOT_STRING_STABLE if options.check and not report.proven else DONE
 
 
@@ -43,4 +45,4 @@ def warn_before(scenario: Scenario) -> None:
     from cacc_platoon.analysis import warn_if_not_string_stable  # noqa: PLC0415  (heavy)
 
     if warning := warn_if_not_string_stable(scenario):
-        print(f"platoon: warning: {warning}", file=sys.stderr)
+        say(f"warning: {warning}")

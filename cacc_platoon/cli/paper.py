@@ -7,13 +7,12 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cacc_platoon.cli.console import libraries_on_stderr
+from cacc_platoon.cli.console import libraries_on_stderr, say
 from cacc_platoon.cli.exit_codes import DONE, FAILED
 from cacc_platoon.cli.progress import ProgressLine
 from cacc_platoon.cli.ros import prepare_nodes, require_ros
@@ -94,7 +93,7 @@ def _run_case(scenario: Scenario, path: Path, stop: StopSignal) -> bool:
     with libraries_on_stderr(), ProgressLine(scenario.run.step) as progress:
         outcome = run_platoon(scenario, path, progress, stop.received, stop.insisted)
     if outcome.status is not EndStatus.FINISHED:
-        print(f"platoon: {scenario.name}: {outcome.status}: {outcome.message}", file=sys.stderr)
+        say(f"{scenario.name}: {outcome.status}: {outcome.message}")
     with libraries_on_stderr():
         outcome.leave(stop.exit_code or FAILED)
     return outcome.status is EndStatus.FINISHED

@@ -10,12 +10,11 @@ import contextlib
 import dataclasses
 import json
 import os
-import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cacc_platoon.cli.console import libraries_on_stderr
+from cacc_platoon.cli.console import libraries_on_stderr, say
 from cacc_platoon.cli.exit_codes import DONE, FAILED
 from cacc_platoon.cli.progress import ProgressLine
 from cacc_platoon.cli.ros import (
@@ -25,7 +24,7 @@ from cacc_platoon.cli.ros import (
     require_ros,
 )
 from cacc_platoon.dds.domain import own_domain
-from cacc_platoon.errors import UserError
+from cacc_platoon.errors import UserError, printable
 from cacc_platoon.scenario.names import vehicle_name
 from cacc_platoon.stop_signal import STOP_SIGNALS, StopSignal
 
@@ -93,13 +92,13 @@ def run(options: argparse.Namespace) -> int:
         try:
             replayed = _replay(record, scenario, options, stop)
         except _FailedError as failure:
-            print(f"platoon: {failure}", file=sys.stderr)
+            say(str(failure))
             return stop.exit_code or FAILED
     document, lines, code = _answer(record, scenario, replayed, options)
     if options.json:
         print(json.dumps(document, indent=1, allow_nan=False))
     else:
-        print("\n".join(lines))
+        print(printable("\n".join(lines)))
     return code
 
 

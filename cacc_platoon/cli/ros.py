@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import os
+import subprocess
 import sys
+from functools import cache
 
-from cacc_platoon.cli.console import libraries_on_stderr
+from cacc_platoon.cli.console import libraries_on_stderr, say
 from cacc_platoon.dds.environment import check_loading, set_up
 from cacc_platoon.errors import UserError
 
+RMW_VARIABLES = ("RMW_IMPLEMENTATION", "RCL_ASSERT_RMW_ID_MATCHES")
+USUAL_RMW = "rmw_fastrtps_cpp"
 ROS_MODULES = ("rclpy", "rcl_interfaces", "std_msgs", "geometry_msgs")
 
 
@@ -26,9 +31,11 @@ def require_ros(verb: str, without_ros: str) -> None:
     Raises
     ------
     UserError
-        When a package of ROS cannot be loaded.
+        When a package of ROS cannot be loaded, or its middleware is not there.
     """
     check_loading()
+    if fault := rmw_fault():
+        raise UserError(f"platoon {verb}: {fault}")
     try:
         from cacc_platoon.supervision import launcher  # noqa: PLC0415, F401  (that is the question)
     except ModuleNotFoundError as error:
@@ -38,6 +45,26 @@ def require_ros(verb: str, without_ros: str) -> None:
             f"platoon {verb}: {error}. It needs ROS 2: source its setup file or see Install in "
             f"the README; {without_ros} without."
         ) from error
+
+
+@cache
+def rmw_fault() -> str:
+    """Say what is wrong with the middleware that the environment asks for; empty when it is there.
+
+    Without it the import of rclpy ends the process, so another process tries it first.
+    """
+    asked = {name: os.environ[name] for name in RMW_VARIABLES if os.environ.get(name)}
+    if set(asked.values()) <= {USUAL_RMW} or importlib.util.find_spec("rclpy") is None:
+        return ""
+    command = [sys.executable, "-c", "import rclpy; rclpy.get_rmw_implementation_identifier()"]
+    done = subprocess.run(command, capture_output=True, check=False)
+    if done.returncode == 0:
+        return ""
+    named = " and ".join(f"{name} = {value}" for name, value in asked.items())
+    return (
+        f"{named} is not installed here, so no node can start. Install it, or take the "
+        f"variable out of the environment to use {USUAL_RMW}."
+    )
 
 
 def prepare_nodes() -> None:
@@ -54,7 +81,7 @@ def prepare_nodes() -> None:
     from cacc_platoon.supervision import launcher  # noqa: PLC0415  (needs ROS)
 
     for line in set_up(os.environ):
-        print(f"platoon: warning: {line}", file=sys.stderr)
+        say(f"warning: {line}")
     with libraries_on_stderr():
         launcher.prepare()
 

@@ -93,7 +93,7 @@ def run_and_judge(
         if options.verbose:
             log_everything()
         if stop.received():
-            say("platoon: interrupted")
+            say("interrupted")
             return stop.exit_code
         with progress_of(scenario.run.step, shown=not options.verbose) as progress:
             outcome = run_platoon(scenario, folder, progress, stop.received, stop.insisted)
@@ -102,7 +102,7 @@ def run_and_judge(
         code = _judge(outcome, folder, stop, options, progress_of)
     except KeyboardInterrupt:
         code = stop.exit_code
-        say("platoon: interrupted; the run is complete, platoon report judges it")
+        say("interrupted; the run is complete, platoon report judges it")
     finally:
         with libraries_on_stderr():
             outcome.leave(code)
@@ -121,12 +121,12 @@ def _judge(
     from cacc_platoon.runs.info import EndStatus  # noqa: PLC0415
 
     if outcome.status is not EndStatus.FINISHED:
-        say(f"platoon: {outcome.status}: {outcome.message}")
+        say(f"{outcome.status}: {outcome.message}")
         if folder.exists():
-            say(f"platoon: what was recorded until then is in {folder}")
+            say(f"what was recorded until then is in {folder}")
         return stop.exit_code or FAILED
     if stop.received():
-        say(f"platoon: the run is complete in {folder}; not judged")
+        say(f"the run is complete in {folder}; not judged")
         return stop.exit_code
     if options.no_report:
         return DONE

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cacc_platoon.cli.exit_codes import BAD_INPUT, DONE
-from cacc_platoon.dds.environment import check_loading
+from cacc_platoon.cli.ros import require_ros
 from cacc_platoon.errors import UserError
 from cacc_platoon.stop_signal import STOP_SIGNALS, StopSignal
 
@@ -86,7 +86,7 @@ def _scenario(arguments: Sequence[str]) -> Scenario:
         name, folder = scenario.name, path.parent
         for index, section in scenario.overrides.items():
             values.overrides.setdefault(index, {}).update(section)
-    check_loading()
+    require_ros("supervisor", "platoon simulate runs a scenario")
     from rclpy.utilities import remove_ros_args  # noqa: PLC0415  (needs ROS)
 
     from cacc_platoon.supervision.single_nodes import supervisor_parameters  # noqa: PLC0415

@@ -14,6 +14,10 @@ import numpy.typing as npt
 
 from cacc_platoon.errors import UserError
 from cacc_platoon.model.vehicle import State
+from cacc_platoon.texts import TextError, read_text
+
+MAX_ROWS = 40_000
+"""Of a table of speeds; more would make a scenario that nobody can read."""
 
 
 class LeaderProfile(Protocol):
@@ -172,11 +176,15 @@ def read_speed_profile(path: Path) -> tuple[tuple[float, ...], tuple[float, ...]
         When the file has no such table; the line names the row and the rule.
     """
     try:
-        with path.open(newline="", encoding="utf-8") as file:
-            rows = [row for row in csv.reader(file) if row and not row[0].lstrip().startswith("#")]
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "is not a text file"
-        raise UserError(f"{path}: cannot be read: {reason}. Give a CSV file.") from error
+        lines = csv.reader(read_text(path).splitlines())
+        rows = [row for row in lines if row and not row[0].lstrip().startswith("#")]
+    except (TextError, csv.Error) as error:
+        raise UserError(f"{path}: cannot be read: {error}. Give a CSV file.") from error
+    if len(rows) > MAX_ROWS:
+        raise UserError(
+            f"{path}: has {len(rows)} rows, more than the {MAX_ROWS} that a scenario can hold. "
+            "Thin them out: the speed is linear between two rows."
+        )
     table: list[tuple[float, float]] = []
     for number, row in enumerate(rows, start=1):
         try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 from geometry_msgs.msg import PoseStamped
@@ -10,8 +11,10 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
+from cacc_platoon.errors import one_line
 from cacc_platoon.nodes.ros_parameters import scenario_of
 from cacc_platoon.scenario import Scenario
+from cacc_platoon.scenario.names import vehicle_name
 from msg_adapters.topics import PlatoonTopics, VehicleTopics
 
 PERIOD = 0.05
@@ -31,6 +34,7 @@ class MarkerNode(Node):  # type: ignore[misc]
             prefix = scenario.platoon.namespace
             super().__init__("markers", namespace=prefix, use_global_arguments=False)
         self._positions: dict[int, float] = {}
+        self._refused: set[int] = set()
         self._leader = scenario.leader_index
         newest = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
         for index in scenario.vehicles:
@@ -45,9 +49,24 @@ class MarkerNode(Node):  # type: ignore[misc]
         self, index: int, decode: Callable[[bytes], tuple[int, float]]
     ) -> Callable[[bytes], None]:
         def receive(data: bytes) -> None:
-            _, self._positions[index] = decode(data)
+            try:
+                _, position = decode(data)
+            except ValueError as error:
+                self._leave_out(index, str(error))
+                return
+            if math.isfinite(position):
+                self._positions[index] = position
+            else:
+                self._leave_out(index, f"its position is {position}")
 
         return receive
+
+    def _leave_out(self, index: int, why: str) -> None:
+        """Say once for each vehicle that a pose of it cannot be drawn."""
+        if index not in self._refused:
+            self._refused.add(index)
+            text = f"{vehicle_name(index)}: a pose is left out: {why}"
+            self.get_logger().warning(one_line(text))
 
     def _draw(self) -> None:
         """Publish what is known of the positions."""

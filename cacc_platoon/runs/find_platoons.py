@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -9,6 +10,7 @@ from cacc_platoon.bags.raw import RawTopic
 from msg_adapters.topics import role_of
 
 MAX_FOLLOWERS = 500
+_PREFIX = re.compile(r"(/\w+)*", re.ASCII)
 
 
 class FoundPlatoon(NamedTuple):
@@ -35,7 +37,7 @@ def find_platoons(topics: Mapping[str, list[RawTopic]]) -> list[FoundPlatoon]:
     messages: dict[str, int] = {}
     for name, parts in topics.items():
         found = role_of(name)
-        if found and found[1].vehicle <= MAX_FOLLOWERS:
+        if found and found[1].vehicle <= MAX_FOLLOWERS and _PREFIX.fullmatch(found[0]):
             prefix, role = found
             vehicles.setdefault(prefix, set()).add(role.vehicle)
             count = sum(len(part.lengths) for part in parts)

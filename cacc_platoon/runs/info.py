@@ -5,13 +5,15 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
+from cacc_platoon.errors import one_line
 from cacc_platoon.formats import Format
+from cacc_platoon.texts import TextError, read_json
 
 INFO_FILE = "run.json"
 FORMAT = Format(INFO_FILE, 1)
@@ -19,6 +21,9 @@ ROOM = 2**16
 """Disk that is set aside for the next run.json [bytes], so that a run can say that it is full."""
 NO_BAG = "the bag is not written yet, `platoon report` writes it"
 """In the message of a run that has ended, as long as that is so."""
+_MOST = 2**63
+
+Number = TypeVar("Number", int, float)
 
 
 class EndStatus(StrEnum):
@@ -59,7 +64,7 @@ class HostInfo:
     @classmethod
     def from_json(cls, document: Mapping[str, Any]) -> Self:
         """Return the host that a part of run.json describes."""
-        return cls(str(document["name"]), int(document["pid"]), _texts(document["nodes"]))
+        return cls(_text(document["name"]), _count(document["pid"]), _texts(document["nodes"]))
 
 
 @dataclass(frozen=True)
@@ -168,19 +173,22 @@ class RunInfo:
         try:
             return cls(
                 EndStatus(document["status"]),
-                str(document.get("message", "")),
-                _number(document.get("samples"), int),
-                _number(document.get("wall_time"), float),
-                _number(document.get("real_time_factor"), float),
-                _number(document.get("start_time"), float),
+                _text(document.get("message", "")),
+                _optional(document.get("samples"), _count),
+                _optional(document.get("wall_time"), _seconds),
+                _optional(document.get("real_time_factor"), _seconds),
+                _optional(document.get("start_time"), _seconds),
                 tuple(HostInfo.from_json(host) for host in document.get("hosts", ())),
-                str(document.get("digest", "")),
-                {str(name): int(count) for name, count in document.get("messages", {}).items()},
-                _number(document.get("seed"), int),
+                _text(document.get("digest", "")),
+                {
+                    _text(name): _count(count)
+                    for name, count in document.get("messages", {}).items()
+                },
+                _optional(document.get("seed"), _count),
                 _named_texts(document.get("versions", {})),
                 _named_texts(document.get("fingerprint", {})),
-                _number(document.get("pid"), int),
-                str(document.get("began", "")),
+                _optional(document.get("pid"), _count),
+                _text(document.get("began", "")),
             )
         except (ValueError, TypeError, KeyError, AttributeError) as error:
             raise InfoError(f"{source}: is damaged ({error})") from error
@@ -217,21 +225,39 @@ class RunInfo:
         if not file.is_file():
             return None
         try:
-            document = json.loads(file.read_text(encoding="utf-8"))
-        except (OSError, ValueError) as error:
-            raise InfoError(f"{file}: cannot be read ({error})") from error
+            document = read_json(file)
+        except TextError as error:
+            raise InfoError(f"{file}: {error}") from error
         return cls.from_json(document, str(file))
 
 
-def _number(value: Any, kind: type[int] | type[float]) -> Any:
-    return None if value is None else kind(value)
+def _optional(value: Any, read: Callable[[Any], Number]) -> Number | None:
+    return None if value is None else read(value)
+
+
+def _count(value: Any) -> int:
+    if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value < _MOST:
+        raise TypeError("a value is no whole number where one is due")
+    return value
+
+
+def _seconds(value: Any) -> float:
+    if not isinstance(value, int | float) or isinstance(value, bool) or not 0 <= value < _MOST:
+        raise TypeError("a value is no number where one is due")
+    return float(value)
+
+
+def _text(value: Any) -> str:
+    if not isinstance(value, str):
+        raise TypeError("a value is no text where one is due")
+    return one_line(value)
 
 
 def _texts(values: Any) -> tuple[str, ...]:
-    if isinstance(values, str):
-        raise TypeError(f"{values!r} is a text where a list of texts is due")
-    return tuple(str(value) for value in values)
+    if not isinstance(values, list):
+        raise TypeError("a value is no list where a list of texts is due")
+    return tuple(_text(value) for value in values)
 
 
 def _named_texts(values: Any) -> dict[str, str]:
-    return {str(name): str(value) for name, value in values.items()}
+    return {_text(name): _text(value) for name, value in values.items()}

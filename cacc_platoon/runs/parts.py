@@ -5,18 +5,23 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import re
 from errno import ENOENT
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from cacc_platoon.bags.rows import TopicRows
+from cacc_platoon.errors import UserError
 from cacc_platoon.formats import Format
+from cacc_platoon.texts import TextError, read_json
 from msg_adapters.topics import Topic
 
 INDEX_FILE = "topics.json"
 FORMAT = Format(f"{INDEX_FILE} of a part", 1)
+_FILE = re.compile(r"\d{1,9}\.cdr")
+_LARGEST_MESSAGE = 1 << 16
 
 
 class PartWriter:
@@ -88,7 +93,7 @@ def read_parts(folders: list[Path]) -> dict[str, TopicRows]:
     Raises
     ------
     UserError
-        When the format of a part is newer than ours.
+        When the index of a part is damaged, or its format is newer than ours.
     """
     records: dict[str, TopicRows] = {}
     for folder in folders:
@@ -96,22 +101,48 @@ def read_parts(folders: list[Path]) -> dict[str, TopicRows]:
         if not index.is_file():
             continue
         for entry in _entries(index):
-            path, size = folder / entry["file"], entry["size"]
+            path, size = folder / entry.file, entry.size
             count = path.stat().st_size // size if path.is_file() else 0
             messages = (
                 np.memmap(path, np.uint8, "r", shape=(count, size))
                 if count
                 else np.empty((0, size), np.uint8)
             )
-            records[entry["name"]] = TopicRows(entry["type"], messages)
+            records[entry.name] = TopicRows(entry.type_name, messages)
     return records
 
 
-def _entries(index: Path) -> list[dict[str, Any]]:
+class _Entry(NamedTuple):
+    """What an index says of a topic."""
+
+    name: str
+    type_name: str
+    size: int
+    file: str
+
+    @classmethod
+    def of(cls, found: Any) -> _Entry:
+        """Return a checked entry; a file lies beside its index, whatever the index says."""
+        entry = cls(found["name"], found["type"], found["size"], found["file"])
+        sized = type(entry.size) is int and 0 < entry.size <= _LARGEST_MESSAGE
+        texts = all(isinstance(text, str) for text in (entry.name, entry.type_name))
+        if not (sized and texts and _FILE.fullmatch(entry.file)):
+            raise ValueError("an entry is none of a topic")
+        return entry
+
+
+def _entries(index: Path) -> list[_Entry]:
     """Return what an index says of each topic; format 0 was that list alone."""
-    document = json.loads(index.read_text())
-    if isinstance(document, list):
-        return document
-    FORMAT.check(document.get("format"), str(index))
-    entries: list[dict[str, Any]] = document["topics"]
-    return entries
+    try:
+        document = read_json(index)
+        if isinstance(document, dict):
+            FORMAT.check(document.get("format"), str(index))
+            document = document["topics"]
+        if not isinstance(document, list):
+            raise ValueError("no list of topics")
+        return [_Entry.of(entry) for entry in document]
+    except (TextError, ValueError, TypeError, KeyError) as error:
+        raise UserError(
+            f"{index}: is damaged ({error}), so nothing says what was recorded beside it. "
+            f"Restore it, or remove {index.parent} to go on without."
+        ) from error

@@ -12,9 +12,10 @@ import numpy as np
 
 from cacc_platoon.bags.decode import Floats, Signal, decode, rows_in_stamp_order
 from cacc_platoon.bags.digest import run_digest
-from cacc_platoon.bags.raw import BagError, Progress, one_line
+from cacc_platoon.bags.raw import BagError, Progress
 from cacc_platoon.bags.read import RawBag, read_bag
 from cacc_platoon.bags.rows import TopicRows
+from cacc_platoon.errors import one_line
 from cacc_platoon.model import Link, RecordedMotion
 from cacc_platoon.runs.arrivals import counted_rows, prompt_arrivals, read_arrivals
 from cacc_platoon.runs.find_platoons import FoundPlatoon, find_platoons
@@ -31,6 +32,7 @@ from cacc_platoon.simulation import Arrivals, Trajectory
 from msg_adapters.topics import Graph, Role, Topic
 
 _NAMED_TOPICS = 3
+_DIGEST = 64
 
 
 @dataclass(frozen=True)
@@ -114,7 +116,7 @@ def read_run(
     samples = _read_samples(raw, graph, scenario.step_ns, notes)
     faults = notes[before:]
     found = run_digest(_Rows(raw, graph), graph)
-    recorded = (info.digest if info else "") or raw.custom_data.get("digest", "")
+    recorded = (info.digest if info else "") or one_line(raw.custom_data.get("digest", ""), _DIGEST)
     notes += _another_digest(found, recorded)
     cut = cut_to_samples(scenario, samples.grid, notes)
     return RecordedRun(

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+from itertools import islice
 from pathlib import Path
 
 from cacc_platoon.bags.read import RawBag
@@ -12,8 +14,12 @@ from cacc_platoon.runs.sample_grid import Grid
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import parse_scenario, scenario_name, scenario_version
 from cacc_platoon.scenario.parameter import ScenarioError
+from cacc_platoon.texts import TextError, read_text
 from msg_adapters.text import decode_string
 from msg_adapters.topics import PlatoonTopics
+
+_MOST_TEXTS = 3
+"""Of one topic, which is latched and has one."""
 
 
 def recorded_scenario(
@@ -25,12 +31,14 @@ def recorded_scenario(
         if name.endswith("/scenario") and (
             prefix is None or name == PlatoonTopics(prefix).scenario
         ):
-            texts += [(name, decode_string(data)) for part in parts for data in part.messages()]
+            messages = (data for part in parts for data in part.messages())
+            texts += [(name, decode_string(data)) for data in islice(messages, _MOST_TEXTS)]
     if "scenario" in raw.custom_data:
         texts.append(("metadata.yaml: scenario", raw.custom_data["scenario"]))
     file = folder / SCENARIO_FILE if folder else None
     if file and file.is_file():
-        texts.append((str(file), file.read_text(encoding="utf-8", errors="replace")))
+        with contextlib.suppress(TextError):
+            texts.append((str(file), read_text(file)))
     for source, text in texts:
         scenario_version(text, f"{raw.path}: {source}")
         try:

@@ -199,5 +199,7 @@ def check_follower(follower: Follower, step: float, source: str) -> None:
 def _is_multiple(value: float, unit: float) -> bool:
     """Whether `value` is a whole number >= 1 of `unit`, up to the rounding of decimals."""
     ratio = value / unit
+    if not math.isfinite(ratio):
+        return False
     whole = round(ratio)
     return whole >= 1 and math.isclose(ratio, whole, rel_tol=1e-12, abs_tol=1e-9)

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
 
+from cacc_platoon.errors import one_line
 from cacc_platoon.formats import Format
 from cacc_platoon.scenario.checks import check_namespace
 from cacc_platoon.scenario.names import vehicle_index, vehicle_name
@@ -27,8 +27,11 @@ from cacc_platoon.scenario.ros_sections import (
 )
 from cacc_platoon.scenario.scenario import Scenario
 from cacc_platoon.scenario.table import TABLE
+from cacc_platoon.scenario.yaml_text import YamlTextError, load_yaml
+from cacc_platoon.texts import TextError, read_text
 
 FORMAT = Format("cacc_platoon scenario", 1)
+_LONGEST_NAME = 100
 _HEAD = re.compile(r"(?:[ \t]*(?:#.*)?\n)*")
 _VERSION = re.compile(rf"^# {FORMAT.name}, format (\S+)\r?$", re.MULTILINE)
 
@@ -65,10 +68,9 @@ def read_scenario(path: Path) -> str:
         When it cannot be read.
     """
     try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "is not a text file"
-        raise ScenarioError(f"{path}: cannot be read: {reason}. Give a scenario file.") from error
+        return read_text(path)
+    except TextError as error:
+        raise ScenarioError(f"{path}: cannot be read: {error}. Give a scenario file.") from error
 
 
 def parameter_files(arguments: Sequence[str]) -> list[Path]:
@@ -116,7 +118,7 @@ def scenario_version(text: str, source: str) -> int:
     found = _VERSION.search(_head(text))
     if not found:
         return 0
-    return FORMAT.check(int(found[1]) if found[1].isdecimal() else found[1], source)
+    return FORMAT.check(Format.number(found[1]), source)
 
 
 def _head(text: str) -> str:
@@ -128,7 +130,7 @@ def _head(text: str) -> str:
 def scenario_name(text: str) -> str | None:
     """Return the name that `format_scenario` gave a scenario, None for any other file."""
     named = re.match(r"# Scenario (\S.*)\n", text)
-    return named[1] if named else None
+    return one_line(named[1], _LONGEST_NAME).replace("/", "_") if named else None
 
 
 def format_scenario(scenario: Scenario) -> str:
@@ -154,13 +156,10 @@ def format_scenario(scenario: Scenario) -> str:
 
 def _parse_yaml(text: str, source: str) -> Mapping[str, Any]:
     try:
-        document = YAML(typ="safe", pure=True).load(text)
-    except YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        line = f" line {mark.line + 1}" if mark else ""
-        problem = getattr(error, "problem", None) or "it is no YAML document"
-        problem = " ".join(str(problem).split())
-        raise ScenarioError(f"{source}:{line} cannot be read as YAML: {problem}.") from error
+        document = load_yaml(text)
+    except YamlTextError as error:
+        line = f" line {error.line}" if error.line else ""
+        raise ScenarioError(f"{source}:{line} cannot be read as YAML: {error}.") from error
     if not isinstance(document, Mapping):
         raise ScenarioError(f"{source}: holds no parameters. Begin with /**: {SECTION}:.")
     return document
@@ -177,8 +176,8 @@ def _parse_setting(setting: str) -> tuple[str, Any]:
     if not equals:
         raise ScenarioError(f"--set {setting}: has no value. Write key=value.")
     try:
-        return name, YAML(typ="safe", pure=True).load(text) if text else ""
-    except YAMLError as error:
+        return name, load_yaml(text) if text else ""
+    except YamlTextError as error:
         raise ScenarioError(
             f"--set {setting}: {text} cannot be read as a YAML value. Write key=value."
         ) from error

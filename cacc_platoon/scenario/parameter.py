@@ -22,6 +22,11 @@ KIND_TEXT = {
 }
 
 
+MAX_CHARACTERS = 1000
+"""Of a text; it has to be shown, and to be a path."""
+_LONGEST_INT = 200
+
+
 class ScenarioError(UserError):
     """A scenario that cannot be run: the line names source, key, value, rule and remedy."""
 
@@ -92,6 +97,9 @@ class Parameter:
             if isinstance(number, str):
                 if self.choices and number not in self.choices:
                     raise self.refusal(value, source, f"must be {self.range_text}")
+                if not number.isprintable() or len(number) > MAX_CHARACTERS:
+                    rule = f"must be at most {MAX_CHARACTERS} characters that can be printed"
+                    raise self.refusal(value, source, rule)
             elif not math.isfinite(number):
                 raise self.refusal(value, source, "must be finite")
             elif not self._within(number):
@@ -100,7 +108,7 @@ class Parameter:
 
     def refusal(self, value: object, source: str, rule: str) -> ScenarioError:
         """Return the one-line error for a value that breaks `rule`."""
-        shown = f"{value!r}" if isinstance(value, str) else _show_scalar(value)
+        shown = f"{value[:60]!r}" if isinstance(value, str) else _show_scalar(value)
         if len(shown) > 60:
             shown = f"{shown[:57]}..."
         unit = "" if self.unit == "-" else f" {self.unit}"
@@ -180,13 +188,21 @@ def _convert(value: object, kind: str) -> Any:
             case "int" if isinstance(value, int) and not isinstance(value, bool):
                 return value
             case "float" if isinstance(value, int | float) and not isinstance(value, bool):
-                return float(value)
+                return _as_float(value)
             case "str" if isinstance(value, str):
                 return value
             case "tuple[float, ...]" | "tuple[str, ...]" if isinstance(value, list | tuple):
                 items = [_convert(item, alternative[6:-6]) for item in value]
                 return None if None in items else tuple(items)
     return None
+
+
+def _as_float(number: float) -> float:
+    """Return a number as a float; a whole number beyond all of them is infinite."""
+    try:
+        return float(number)
+    except OverflowError:
+        return math.copysign(math.inf, number)
 
 
 def _show(value: object) -> str:
@@ -198,4 +214,8 @@ def _show(value: object) -> str:
 def _show_scalar(value: object) -> str:
     """Write a value as YAML does where Python differs."""
     words = {True: "true", False: "false", None: "null"}
-    return words[value] if value is None or isinstance(value, bool) else f"{value}"
+    if value is None or isinstance(value, bool):
+        return words[value]
+    if isinstance(value, int) and value.bit_length() > _LONGEST_INT:
+        return f"a whole number of {value.bit_length()} bits"
+    return f"{value}"

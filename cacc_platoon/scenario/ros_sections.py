@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 from cacc_platoon.scenario.names import NodeKind, NodeName, vehicle_index
@@ -75,13 +76,21 @@ class SectionTargets(NamedTuple):
 
     def vehicles_matching(self, pattern: str, nodes: tuple[NodeKind, ...]) -> list[int]:
         """Return the vehicles one of whose `nodes` the pattern is for, with any that it names."""
-        named = [index for part in pattern.split("/") if (index := vehicle_index(part)) is not None]
-        candidates = named[:1] or self.followers
-        return [
-            index
-            for index in candidates
-            if any(_matches(pattern, f"{self.prefix}/{NodeName(node, index)}") for node in nodes)
-        ]
+        return _vehicles_matching(self, pattern, nodes)
+
+
+@lru_cache(maxsize=1000)
+def _vehicles_matching(
+    graph: SectionTargets, pattern: str, nodes: tuple[NodeKind, ...]
+) -> list[int]:
+    """Do the work of `SectionTargets.vehicles_matching`, once for all values of a section."""
+    named = [index for part in pattern.split("/") if (index := vehicle_index(part)) is not None]
+    candidates = named[:1] or graph.followers
+    return [
+        index
+        for index in candidates
+        if any(_matches(pattern, f"{graph.prefix}/{NodeName(node, index)}") for node in nodes)
+    ]
 
 
 def assign(
@@ -146,7 +155,17 @@ def forget(target: dict[str, Any], name: str) -> None:
 
 
 def _matches(pattern: str, node: str) -> bool:
-    """Whether a section name, with its wildcards * and **, is for the node."""
-    expression = re.escape(pattern)
-    expression = expression.replace(r"/\*\*", "(/[^/]+)*").replace(r"\*", "[^/]+")
-    return re.fullmatch(expression, node) is not None
+    """Whether a section name, with its wildcards * and **, is for the node.
+
+    It takes one step for each part of the one and each part of the other.
+    """
+    names = node.split("/")[1:]
+    ends = {0}  # how many names the parts so far can stand for
+    for part in pattern.split("/")[1:]:
+        if part == "**":
+            ends = set(range(min(ends), len(names) + 1))
+        else:
+            ends = {end + 1 for end in ends if end < len(names) and part in ("*", names[end])}
+        if not ends:
+            return False
+    return len(names) in ends

@@ -93,7 +93,8 @@ class V2V:
         "-",
         "the linear signal-to-noise ratio",
         above=1.0,
-        consequence="the noise could reverse the sign of the acceleration",
+        at_most=1e15,
+        consequence="the noise could reverse the sign of the acceleration, or would vanish",
     )
     noise: str = parameter(
         "bits",

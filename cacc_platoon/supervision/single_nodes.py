@@ -15,7 +15,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from cacc_platoon.dds import shared_memory
 from cacc_platoon.dds.environment import set_up
-from cacc_platoon.errors import UserError
+from cacc_platoon.errors import UserError, one_line
 from cacc_platoon.model import Channel, ControlLaw
 from cacc_platoon.nodes.executor import create_executor, spin_for
 from cacc_platoon.nodes.leader import LeaderNode
@@ -128,9 +128,9 @@ def start(create: Callable[[], Made]) -> Made | None:
     except UserError as error:
         print(error, file=sys.stderr)
     except OSError as error:
-        print(f"{error.filename}: cannot be written: {error.strerror}", file=sys.stderr)
+        print(one_line(f"{error.filename}: cannot be written: {error.strerror}"), file=sys.stderr)
     except (RuntimeError, InvalidNamespaceException, ValueError) as error:
-        print(" ".join(str(error).split()), file=sys.stderr)
+        print(one_line(" ".join(str(error).split())), file=sys.stderr)
     return None
 
 

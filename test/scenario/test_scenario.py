@@ -195,7 +195,7 @@ def test_a_file_that_cannot_be_read_is_refused(tmp_path):
     binary.write_bytes(b"\xff\xfe\x00")
     for path, reason in (
         (tmp_path / "missing.yaml", "No such file or directory"),
-        (tmp_path, "Is a directory"),
+        (tmp_path, "is a directory"),
         (binary, "is not a text file"),
     ):
         with pytest.raises(ScenarioError) as error:
