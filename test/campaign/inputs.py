@@ -86,7 +86,7 @@ def _bomb(rng: random.Random) -> str:
 def _bulk(rng: random.Random) -> str:
     size = rng.choice((10_000, 100_000, 9_000_000))
     version = rng.choice(("", "%YAML 1.1\n---\n"))
-    shape = rng.choice(("# {}\n", "a: '{}'\n", "{}: 1\n", "a: &{} 1\n", "a: !{} 1\n", "a: \"{}\"\n"))
+    shape = rng.choice(("# {}\n", "a: '{}'\n", "{}: 1\n", "a: &{} 1\n", "a: !{} 1\n", 'a: "{}"\n'))
     unit = rng.choice(("x", "\\x1b", "é", "1,", "- ", "[", "\n", "#\n", "'", "*", " "))
     return version + shape.format(unit * (size // len(unit.encode())))
 
@@ -111,15 +111,17 @@ def scenarios(rng: random.Random, folder: Path) -> Case:
             return Case(text[:80], ["simulate", str(file), "-o", "out", *SHORT])
         case 2:
             file.write_text("/**:\n  ros__parameters: {}\n")
-            return Case(setting[:80], ["simulate", str(file), "-o", "out", *SHORT, "--set", setting])
+            return Case(
+                setting[:80], ["simulate", str(file), "-o", "out", *SHORT, "--set", setting]
+            )
     return Case(text[:80], ["layout", str(file), "-o", "out"])
 
 
 @cache
 def source() -> Path:
     """Return a folder with a sound run, and its bag as other tools would have written it."""
-    import atexit  # noqa: PLC0415
-    import tempfile  # noqa: PLC0415
+    import atexit
+    import tempfile
 
     folder = Path(tempfile.mkdtemp(prefix="cacc_platoon_campaign_"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
@@ -159,7 +161,9 @@ def folders(rng: random.Random, folder: Path) -> Case:
 
 
 def _files(path: Path, *endings: str) -> list[Path]:
-    return sorted(file for file in path.rglob("*") if file.is_file() and file.name.endswith(endings))
+    return sorted(
+        file for file in path.rglob("*") if file.is_file() and file.name.endswith(endings)
+    )
 
 
 def damaged_file(rng: random.Random, path: Path) -> None:
@@ -203,11 +207,15 @@ def forged_metadata(rng: random.Random, path: Path) -> None:
             case 1:
                 text += "# " + "x" * rng.choice((1000, 9_000_000)) + "\n"
             case 2:
-                bomb = "".join(f"    k{i}: &k{i} [{f'*k{i - 1}, ' * 9 if i else 1}]\n" for i in range(12))
+                bomb = "".join(
+                    f"    k{i}: &k{i} [{f'*k{i - 1}, ' * 9 if i else 1}]\n" for i in range(12)
+                )
                 text = f"rosbag2_bagfile_information:\n  custom_data:\n{bomb}"
             case 3:
                 names = ["../" * 50, "x" * 5000, "a\\0b", "\\e[2J"]
-                listed = "".join(f'    - "{name}"\n' for name in rng.choices(names, k=rng.choice((1, 2000))))
+                listed = "".join(
+                    f'    - "{name}"\n' for name in rng.choices(names, k=rng.choice((1, 2000)))
+                )
                 text = f"rosbag2_bagfile_information:\n  relative_file_paths:\n{listed}"
         file.write_bytes(text.encode("utf-8", "replace"))
 
@@ -224,7 +232,9 @@ def forged_json(rng: random.Random, path: Path) -> None:
         document[key] = rng.choice(strange)
     text = json.dumps(document)
     if rng.random() < 0.3:
-        text = rng.choice(("[" * 100_000, "{" * 9, "1" * 5000, '{"a":' * 5000, "null", " " * 9_000_000))
+        text = rng.choice(
+            ("[" * 100_000, "{" * 9, "1" * 5000, '{"a":' * 5000, "null", " " * 9_000_000)
+        )
     file.write_text(text)
 
 
@@ -270,7 +280,9 @@ def compressed_bomb(rng: random.Random, path: Path) -> None:
     chunk = _record(6, head + struct.pack("<Q", len(packed)) + packed)
     bomb = b"\x89MCAP0\r\n" + chunk * rng.choice((1, 3, 20))
     if rng.random() < 0.3:
-        (path / "bomb.mcap.zstd").write_bytes(zstd.compress(b"\x89MCAP0\r\n" + plain) * rng.choice((1, 5)))
+        (path / "bomb.mcap.zstd").write_bytes(
+            zstd.compress(b"\x89MCAP0\r\n" + plain) * rng.choice((1, 5))
+        )
     else:
         (path / "bomb.mcap").write_bytes(bomb[:9_000_000])
 
@@ -298,7 +310,9 @@ def forged_database(rng: random.Random, path: Path) -> None:
         if rng.random() < 0.7:
             kind = database.execute("SELECT type FROM sqlite_master WHERE name = 'messages'")
             if kind.fetchone() == ("table",):
-                database.execute("INSERT INTO messages (id, topic_id, timestamp) VALUES (1, 1, 'x')")
+                database.execute(
+                    "INSERT INTO messages (id, topic_id, timestamp) VALUES (1, 1, 'x')"
+                )
     database.close()
 
 
