@@ -82,11 +82,11 @@ class _Scan:
             number: (topic, self._schemas.get(schema, ""))
             for number, (schema, topic) in self._channels.items()
         }
-        sources = ((self.data, self._in_file), (self._unpacked, self._in_unpacked))
+        both = ((self.data, self._in_file), (self._unpacked, self._in_unpacked))
+        filled = [source for source in both if source[1]]
         return [
             topic
-            for data, locations in sources
-            if locations or data is self.data
+            for data, locations in filled or both[:1]
             for topic in split_by_channel(np.frombuffer(data, np.uint8), locations, channels)
         ]
 

@@ -178,7 +178,7 @@ class RunInfo:
                 _optional(document.get("wall_time"), _seconds),
                 _optional(document.get("real_time_factor"), _seconds),
                 _optional(document.get("start_time"), _seconds),
-                tuple(HostInfo.from_json(host) for host in document.get("hosts", ())),
+                tuple(HostInfo.from_json(host) for host in _list(document.get("hosts", []))),
                 _text(document.get("digest", "")),
                 {
                     _text(name): _count(count)
@@ -253,10 +253,14 @@ def _text(value: Any) -> str:
     return one_line(value)
 
 
-def _texts(values: Any) -> tuple[str, ...]:
+def _list(values: Any) -> list[Any]:
     if not isinstance(values, list):
-        raise TypeError("a value is no list where a list of texts is due")
-    return tuple(_text(value) for value in values)
+        raise TypeError("a value is no list where one is due")
+    return values
+
+
+def _texts(values: Any) -> tuple[str, ...]:
+    return tuple(_text(value) for value in _list(values))
 
 
 def _named_texts(values: Any) -> dict[str, str]:

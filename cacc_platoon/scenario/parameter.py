@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import math
+import sys
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -102,6 +103,9 @@ class Parameter:
                     raise self.refusal(value, source, rule)
             elif not math.isfinite(number):
                 raise self.refusal(value, source, "must be finite")
+            elif number and abs(number) < sys.float_info.min:
+                rule = "is closer to 0 than can be computed with; give 0 or more"
+                raise self.refusal(value, source, rule)
             elif not self._within(number):
                 raise self.refusal(value, source, f"must be {self.range_text}")
         return converted
@@ -202,7 +206,7 @@ def _as_float(number: float) -> float:
     try:
         return float(number)
     except OverflowError:
-        return math.copysign(math.inf, number)
+        return math.inf if number > 0 else -math.inf
 
 
 def _show(value: object) -> str:

@@ -55,7 +55,7 @@ class Vehicle:
         consequence="the plant would have no lag to integrate",
     )
     tau_max: float = parameter(
-        0.5, "s", "tau0, the largest lag the design must tolerate", above=0.0
+        0.5, "s", "tau0, the largest lag the design must tolerate", above=0.0, at_most=1e6
     )
 
 

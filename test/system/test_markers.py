@@ -1,11 +1,23 @@
-"""The marker node beside a real run."""
+"""The marker node beside a real run, and among poses that it cannot draw."""
 
+import math
+import time
 from collections.abc import Callable
 from itertools import pairwise
 
+import pytest
+import rclpy
+from geometry_msgs.msg import PoseStamped
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
 from visualization_msgs.msg import MarkerArray
 
+from cacc_platoon.dds.domain import own_domain
+from cacc_platoon.nodes.markers import MarkerNode
+from cacc_platoon.scenario import Scenario
 from cacc_platoon.testing import Platoon
+
+PATIENCE = 30.0
 
 
 def test_every_vehicle_has_a_box_where_it_is(platoon: Callable[..., Platoon]) -> None:
@@ -23,3 +35,34 @@ def test_every_vehicle_has_a_box_where_it_is(platoon: Callable[..., Platoon]) ->
     ahead = sorted(boxes, key=lambda marker: marker.id)
     gaps = [a.pose.position.x - b.pose.position.x for a, b in pairwise(ahead)]
     assert min(gaps) > 20.0
+
+
+@pytest.mark.parametrize(("frame", "x"), [("odometry", 1.0), ("map", math.nan)])
+def test_a_pose_that_cannot_be_drawn_is_left_out(frame: str, x: float) -> None:
+    seen: list[MarkerArray] = []
+    with own_domain() as domain:
+        rclpy.init(args=[], domain_id=domain)
+        markers = MarkerNode(Scenario.from_values({"platoon.followers": 1}))
+        other = Node("other", use_global_arguments=False)
+        other.create_subscription(MarkerArray, "/platoon/markers", seen.append, 5)
+        publishers = [
+            other.create_publisher(PoseStamped, f"/platoon/vehicle_{index}/pose", 10)
+            for index in (0, 1)
+        ]
+        executor = SingleThreadedExecutor()
+        executor.add_node(markers)
+        executor.add_node(other)
+        deadline = time.monotonic() + PATIENCE
+        while len(seen) < 5 and time.monotonic() < deadline:
+            for index, publisher in enumerate(publishers):
+                message = PoseStamped()
+                message.header.frame_id = frame if index else "map"
+                message.pose.position.x = x if index else 2.0
+                publisher.publish(message)
+            executor.spin_once(timeout_sec=0.1)
+        executor.shutdown()
+        markers.destroy_node()
+        other.destroy_node()
+        rclpy.shutdown()
+    assert len(seen) == 5
+    assert {marker.id for marker in seen[-1].markers} == {0}
