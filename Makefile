@@ -3,12 +3,14 @@
 # tools/find_python looks for one.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup demo paper test test-quick test-oldest coverage lint clean FORCE
+.PHONY: help setup demo paper test test-quick test-oldest campaign coverage lint clean FORCE
 
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/made_in
 DEMO := runs/demo
+SEED := 1
+COUNT := 500
 
 OLDEST := .venv-oldest
 OLDEST_STAMP := $(OLDEST)/made_in
@@ -63,6 +65,9 @@ $(OLDEST_STAMP): setup.py pyproject.toml test/oldest.txt
 	$(OLDEST)/bin/python -m pip install --quiet --disable-pip-version-check \
 	  --constraint test/oldest.txt -e '.[ros,test]'; \
 	printf '%s' '$(CURDIR)' >$@
+
+campaign: setup ## search hostile inputs that break a rule, COUNT=500 of each kind from SEED=1 on
+	$(BIN)/python test/campaign/inputs.py --seed $(SEED) --count $(COUNT)
 
 coverage: setup ## run every test and print how much of the code ran, in subprocesses too
 	$(BIN)/coverage erase

@@ -176,6 +176,8 @@ class _Scan:
         for at in starts[(codes == _SCHEMA) | (codes == _CHANNEL)].tolist():
             self._define(data, at)
         starts = starts[codes == _MESSAGE]
+        if not starts.size:
+            return
         lengths = _number(content, starts + 1, "<u8").astype(np.int64) - _MESSAGE_HEAD
         starts, lengths = starts[lengths >= 0], lengths[lengths >= 0]
         begin = starts + _PREFIX

@@ -8,12 +8,15 @@ import importlib
 import sys
 from collections.abc import Sequence
 from types import ModuleType
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 from cacc_platoon import __version__
 from cacc_platoon.cli.console import give_up_output, open_standard_streams, say
 from cacc_platoon.cli.exit_codes import BAD_INPUT, FAILED, INTERRUPTED
 from cacc_platoon.errors import UserError, one_line
+
+if TYPE_CHECKING:
+    from _typeshed import SupportsWrite
 
 VERBS = ("design", "run", "simulate", "report", "replay", "layout", "paper", "parameters", "doctor")
 _OF_A_PATH = (
@@ -66,6 +69,10 @@ class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Say what is wrong with the arguments in a line that can be shown."""
         super().error(one_line(message))
+
+    def _print_message(self, message: str, file: SupportsWrite[str] | None = None) -> None:
+        """Write a message; that it cannot be written is not passed over, as argparse does."""
+        (file or sys.stderr).write(message)
 
 
 def _asked(arguments: Sequence[str]) -> Sequence[str]:

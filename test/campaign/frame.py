@@ -1,4 +1,4 @@
-"""The frame of a seeded search: it makes cases, runs a command on each, and names what breaks a rule.
+"""The frame of a seeded search: makes cases, runs a command on each, names what breaks a rule.
 
 A search is a function from a random generator and a folder to a `Case`; `search` does the rest.
 """
@@ -86,8 +86,8 @@ def run_platoon(arguments: Sequence[str], folder: Path) -> tuple[int, bytes, int
             stderr=err,
             env=environment,
             start_new_session=True,
-            preexec_fn=_limit_memory,
         )
+    resource.prlimit(process.pid, resource.RLIMIT_DATA, (MEMORY, MEMORY))
     patience = threading.Timer(PATIENCE, os.killpg, (process.pid, signal.SIGKILL))
     patience.start()
     _, status, used = os.wait4(process.pid, 0)
@@ -96,25 +96,17 @@ def run_platoon(arguments: Sequence[str], folder: Path) -> tuple[int, bytes, int
     return process.returncode, (folder / "stderr").read_bytes(), used.ru_maxrss * 1024
 
 
-def _limit_memory() -> None:
-    resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, MEMORY))
-
-
 def rule_broken(code: int, errors: bytes, memory: int) -> str:
     """Say which rule a command broke, empty when none."""
     text = errors.decode(errors="replace")
-    if code == -signal.SIGKILL:
-        return f"did not end within {PATIENCE:g} s"
-    if b"Traceback" in errors or b"MemoryError" in errors:
-        return f"traceback: {text.strip().splitlines()[-1][:200]}"
-    if memory > MEMORY:
-        return f"took {memory / 2**20:.0f} MiB"
-    if code not in EXIT_CODES:
-        return f"exit code {code}: {text[-200:]!r}"
-    if len(errors) > MOST_STDERR:
-        return f"said {len(errors)} bytes on standard error"
-    if strange := {letter for letter in text if not letter.isprintable() and letter != "\n"}:
-        return f"said control characters on standard error: {sorted(strange)!r}"
-    if code == 2 and not text.strip():
-        return "refused without a word"
-    return ""
+    strange = {letter for letter in text if not letter.isprintable() and letter != "\n"}
+    rules = {
+        f"did not end within {PATIENCE:g} s": code == -signal.SIGKILL,
+        f"traceback: {text[-200:]!r}": "Traceback" in text or "MemoryError" in text,
+        f"took {memory / 2**20:.0f} MiB": memory > MEMORY,
+        f"exit code {code}: {text[-200:]!r}": code not in EXIT_CODES,
+        f"said {len(errors)} bytes on standard error": len(errors) > MOST_STDERR,
+        f"said control characters: {sorted(strange)!r}": bool(strange),
+        "refused without a word": code == 2 and not text.strip(),
+    }
+    return next((what for what, broken in rules.items() if broken), "")

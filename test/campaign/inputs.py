@@ -1,4 +1,4 @@
-"""Hostile scenario texts, bags and run folders: `python test/campaign/inputs.py --seed 1 --count 500`.
+"""Hostile scenario texts, bags and run folders: test/campaign/inputs.py --seed 1 --count 500.
 
 No traceback, no hang, no memory above 1 GiB, only the documented exit codes, and on standard error
 a few lines that can be shown.
@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import lz4.frame
-from frame import Case, run_platoon, search
+from frame import Case, run_platoon, search  # type: ignore[import-not-found]
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
@@ -37,8 +37,9 @@ VALUES = (
     '"\\U99999999"', '"\\ud800"', '"\\0"', '"\\x1b[31m"', '"a\\nb\\nc"', "'" + "x" * 100_000 + "'",
     "[" + "1, " * 30_000 + "1]", "[" * 60 + "]" * 60, "[" * 20_000, "{a: " * 30 + "1" + "}" * 30,
     "&a [*a]", "*b", "/dev/zero", "/dev/full", "../../../etc/passwd", "/" + "d/" * 3000,
-    "'%s%n{0}'", "\u202e\u2066", "\N{PILE OF POO}", "|\n  text", "module:Class", "os:system", "<<: 1",
-    "[1, [2]]", "[a, b]", "vehicle_1", "1:2:3", "1_000", "~", "=", "!x y", "? a", "123456789012345678901",
+    "'%s%n{0}'", "\u202e\u2066", "\N{PILE OF POO}", "|\n  text", "module:Class", "os:system",
+    "<<: 1", "[1, [2]]", "[a, b]", "vehicle_1", "1:2:3", "1_000", "~", "=", "!x y", "? a",
+    "123456789012345678901",
 )  # fmt: skip
 KEYS = (
     "/**", "/*", "/platoon/vehicle_1/*", "/platoon/**", "/**/**/**/vehicle_2/*", "/" + "**/" * 20,
@@ -224,9 +225,9 @@ def forged_json(rng: random.Random, path: Path) -> None:
     """Write another run.json, or values of other types into it."""
     file = path / "run.json"
     document: Any = json.loads(file.read_text()) if file.is_file() else {}
-    strange = (
-        None, True, -1, 1e308, float("nan"), float("inf"), 10**400, "x" * 300_000, "\x1b[2J\n", [], {},
-        [[]], {"a": []}, "\ud800", 2**64, "finished",
+    strange: tuple[Any, ...] = (
+        None, True, -1, 1e308, float("nan"), float("inf"), 10**400, "x" * 300_000, "\x1b[2J\n", [],
+        {}, [[]], {"a": []}, "\ud800", 2**64, "finished",
     )  # fmt: skip
     for key in rng.sample(sorted(document), min(len(document), rng.randint(0, 4))):
         document[key] = rng.choice(strange)

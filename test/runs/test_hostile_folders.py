@@ -2,6 +2,7 @@
 
 import json
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,8 +15,13 @@ from cacc_platoon.runs.parts import read_parts
 from cacc_platoon.runs.recorded_run import read_run
 
 DEEP = "[" * 100_000
-STRANGE = (True, -1, 2**64, math.inf, math.nan, [], {}, [[]], {"a": []})
-ENTRY = {"name": "/platoon/vehicle_0/pose", "type": "x", "size": 8, "file": "0000.cdr"}
+STRANGE: tuple[Any, ...] = (True, -1, 2**64, math.inf, math.nan, [], {}, [[]], {"a": []})
+ENTRY: dict[str, Any] = {
+    "name": "/platoon/vehicle_0/pose",
+    "type": "x",
+    "size": 8,
+    "file": "0000.cdr",
+}
 
 
 @pytest.mark.parametrize("key", ["samples", "wall_time", "seed", "hosts", "messages", "status"])

@@ -1,4 +1,4 @@
-"""Commands whose caller has closed or filled their output, or asks for a middleware that is absent."""
+"""Commands whose output is closed or full, whose paths are none, whose middleware is absent."""
 
 import json
 import os
@@ -14,9 +14,9 @@ SHORT = ("--set", "run.duration=0.5", "--set", "platoon.followers=2")
 
 def shell(line: str, *arguments: str, **environment: str) -> "subprocess.CompletedProcess[str]":
     """Run `platoon "$@"` as a shell line has it."""
+    command = f'"{sys.executable}" -m cacc_platoon "$@"'
     return subprocess.run(
-        ["bash", "-c", line.replace("platoon", f'"{sys.executable}" -m cacc_platoon "$@"'), "-"]
-        + list(arguments),
+        ["bash", "-c", line.replace("platoon", command), "-", *arguments],
         capture_output=True,
         text=True,
         timeout=90,
