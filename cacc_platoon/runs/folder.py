@@ -43,6 +43,10 @@ def default_run_folder(scenario: Scenario) -> Path:
     return Path("runs") / f"{scenario.name}-{datetime.now(UTC):%Y%m%dT%H%M%SZ}"
 
 
+_HELD: weakref.WeakValueDictionary[Path, RunFolder] = weakref.WeakValueDictionary()
+"""Folders that this process holds."""
+
+
 class RunFolder:
     """One run on disk: scenario.yaml, run.json, parts/ while it runs, then bag/.
 
@@ -100,6 +104,8 @@ class RunFolder:
 
     def hold(self) -> bool:
         """Hold the folder as long as it is in use here; False when another process does."""
+        if self.path.absolute() in _HELD:
+            return True
         with contextlib.suppress(OSError):  # where there are no locks, nobody is known to hold it
             file = os.open(self.path / SCENARIO_FILE, os.O_RDWR | os.O_CLOEXEC)
             weakref.finalize(self, os.close, file)
@@ -107,6 +113,7 @@ class RunFolder:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
                 return False
+            _HELD[self.path.absolute()] = self
         return True
 
     def scenario(self) -> Scenario:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 from pathlib import Path
 
@@ -9,6 +10,7 @@ from cacc_platoon.bags.raw import BagError
 from cacc_platoon.runs.folder import BAG, PARTS, SCENARIO_FILE, RunFolder
 from cacc_platoon.runs.info import INFO_FILE, EndStatus, InfoError, RunInfo
 
+KILLED = "its supervisor was killed; this is what had been recorded"
 ENDED = {
     EndStatus.RUNNING: "goes on",
     EndStatus.FINISHED: "finished",
@@ -28,7 +30,7 @@ def locate(path: Path) -> tuple[Path, Path | None]:
     if not path.is_dir():
         return path, None
     folder = RunFolder(path)
-    if not folder.bag.exists() and (folder.parts.is_dir() or (path / INFO_FILE).is_file()):
+    if not folder.bag.exists() and (folder.parts.is_dir() or _lost_its_parts(path)):
         _salvage(folder)
     if folder.bag.is_dir():
         return folder.bag, path
@@ -39,10 +41,23 @@ def locate(path: Path) -> tuple[Path, Path | None]:
     return path, None
 
 
-def how_it_ended(info: RunInfo) -> str:
+def _lost_its_parts(path: Path) -> bool:
+    """Return whether a folder is a run's without anything that was recorded."""
+    names = {file.name for file in path.iterdir()}
+    storage = any(name.endswith((".mcap", ".db3")) for name in names)
+    return {INFO_FILE, SCENARIO_FILE} <= names and not storage
+
+
+def how_it_ended(info: RunInfo, when: str = "") -> str:
     """Say what run.json says of the end of a run."""
-    ended = f"the run {ENDED[info.status]}"
+    ended = f"the run {ENDED[info.status]}{when}"
     return f"{ended}: {info.message}" if info.message else ended
+
+
+def nothing_recorded(folder: Path, info: RunInfo) -> BagError:
+    """Say that there is nothing to look at, and why."""
+    ended = how_it_ended(info, " before anything was recorded").removesuffix(".")
+    return BagError(f"{folder}: {ended}. Run it again.")
 
 
 def _salvage(folder: RunFolder) -> None:
@@ -58,8 +73,14 @@ def _salvage(folder: RunFolder) -> None:
             f"{folder.path}: its {PARTS}/ cannot be read ({error}). Run it again."
         ) from error
     if not any(len(record.messages) for record in recording.values()):
-        raise BagError(f"{folder.path}: nothing was recorded; {how_it_ended(info)}. Run it again.")
-    folder.finish(scenario, recording, info)
+        raise nothing_recorded(folder.path, info)
+    try:
+        folder.finish(scenario, recording, info)
+    except OSError as error:
+        raise BagError(
+            f"{folder.path}: its bag cannot be written ({error.strerror}). Make room, or report on "
+            "a copy of the folder."
+        ) from error
 
 
 def _going_on(folder: RunFolder) -> str:
@@ -80,12 +101,10 @@ def _last_word(folder: RunFolder) -> RunInfo:
     except InfoError:
         info = None
     if info is None:
-        return RunInfo(
-            EndStatus.FAILED, "its supervisor was killed; this is what had been recorded"
-        )
+        return RunInfo(EndStatus.FAILED, KILLED)
     if info.status is not EndStatus.RUNNING:
         return info.with_bag()
-    killed = f"its supervisor was killed (process {info.pid} is gone)"
-    info = dataclasses.replace(info, status=EndStatus.FAILED, message=killed)
-    info.write(folder.path)
+    info = dataclasses.replace(info, status=EndStatus.FAILED, message=KILLED)
+    with contextlib.suppress(OSError):  # where nothing can be written, the answer is still true
+        info.write(folder.path)
     return info

@@ -20,7 +20,7 @@ from cacc_platoon.model import Link, RecordedMotion
 from cacc_platoon.runs.arrivals import counted_rows, prompt_arrivals, read_arrivals
 from cacc_platoon.runs.find_platoons import FoundPlatoon, find_platoons
 from cacc_platoon.runs.info import INFO_FILE, EndStatus, InfoError, RunInfo
-from cacc_platoon.runs.locate import how_it_ended
+from cacc_platoon.runs.locate import how_it_ended, nothing_recorded
 from cacc_platoon.runs.recorded_scenario import (
     cut_to_samples,
     fit_to_topics,
@@ -108,8 +108,9 @@ def read_run(
     raw = read_bag(bag, progress)
     info = _read_info(folder, raw)
     notes = [*_unfinished(info), *raw.damage]
-    if _unfinished(info) and not any(found.messages for found in find_platoons(raw.topics)):
-        raise BagError(f"{folder}: nothing was recorded; {notes[0]}. Run it again.")
+    empty = not any(found.messages for found in find_platoons(raw.topics))
+    if folder and info and _unfinished(info) and empty:
+        raise nothing_recorded(folder, info)
     scenario = identify(raw, folder, scenario, namespace, notes)
     graph = Graph.of(scenario)
     before = len(notes)

@@ -2,6 +2,8 @@
 
 import os
 import shutil
+import subprocess
+import sys
 from collections import namedtuple
 from pathlib import Path
 
@@ -20,6 +22,14 @@ from cacc_platoon.simulation import simulate
 from msg_adapters.topics import Graph
 
 SCENARIO = Scenario.from_values({"run.duration": 10.0, "platoon.followers": 2}, None, "short")
+HOLD = """
+import sys
+from pathlib import Path
+from cacc_platoon.runs.folder import RunFolder
+folder = RunFolder(Path(sys.argv[1]))
+print(folder.hold(), flush=True)
+sys.stdin.read()
+"""
 Usage = namedtuple("Usage", "total used free")
 
 
@@ -90,15 +100,19 @@ def test_a_new_folder_says_that_it_runs_and_who_runs_it(tmp_path: Path) -> None:
 
 
 def test_a_folder_in_use_is_left_alone_and_one_out_of_use_is_finished(tmp_path: Path) -> None:
-    folder = recorded(tmp_path / "run")
-    path = folder.path
-    with pytest.raises(BagError, match=rf"process {os.getpid()} is at it, since 2.*Wait until"):
-        locate(path)
-    assert folder.parts.is_dir()
-    del folder
+    path = recorded(tmp_path / "run").path
+    with subprocess.Popen(
+        [sys.executable, "-c", HOLD, str(path)], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    ) as holder:
+        assert holder.stdout
+        assert holder.stdout.readline() == b"True\n"
+        with pytest.raises(BagError, match=rf"process {os.getpid()} is at it, since 2.*Wait"):
+            locate(path)
+        holder.kill()
+    assert (path / "parts").is_dir()
     locate(path)
     info = said(RunFolder(path))
-    assert info.message == f"its supervisor was killed (process {os.getpid()} is gone)"
+    assert info.message == "its supervisor was killed; this is what had been recorded"
     assert (info.status, len(info.digest)) == (EndStatus.FAILED, 64)
 
 
@@ -116,7 +130,6 @@ def test_a_run_that_ended_while_its_bag_was_written_ends_as_it_did(tmp_path: Pat
         assert said(folder).message.endswith(NO_BAG)
         assert said(folder).with_bag() == said(folder).with_bag().with_bag()
         assert said(folder).with_bag().message == message
-    del folder
     locate(path)
     assert (said(RunFolder(path)).status, said(RunFolder(path)).message) == ("finished", "")
 
