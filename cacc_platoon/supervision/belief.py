@@ -41,6 +41,8 @@ class OwnHost:
         The folder in which it records.
     pid : int, optional
         Its process, where that is known before it is started.
+    early : bool
+        Whether it is there before the supervisor has shown itself.
     """
 
     name: str
@@ -48,6 +50,7 @@ class OwnHost:
     records: frozenset[str]
     part: str = ""
     pid: int | None = None
+    early: bool = False
 
     @property
     def all_nodes(self) -> frozenset[str]:
@@ -206,7 +209,7 @@ class Belief:
         started : bool
             Whether the supervisor has shown itself and started its hosts.
         """
-        own = [*self._own.values()] if started else []
+        own = [host for host in self._own.values() if started or host.early]
         there = self._manual.union(*(host.nodes for host in own))
         allowed: dict[str, frozenset[str]] = {
             topic: self._names([node] if node in there else [])

@@ -72,6 +72,6 @@ def _belief(scenario: Scenario, node: NodeName, answers: Sequence[str]) -> Belie
     publishers |= {topic.name: str(node) for topic in graph.nodes[node].publishes}
     hosts = [
         OwnHost(REPLAYED, frozenset({str(node), SPOKESMAN}), frozenset()),
-        OwnHost(REPLAYER, frozenset({REPLAYER}), frozenset(answers), pid=os.getpid()),
+        OwnHost(REPLAYER, frozenset({REPLAYER}), frozenset(answers), "", os.getpid(), early=True),
     ]
     return Belief(graph, hosts, publishers=publishers)

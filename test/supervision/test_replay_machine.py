@@ -110,6 +110,16 @@ def test_a_node_that_gives_no_more_answers_is_named_with_the_sample() -> None:
     )
 
 
+def test_who_gives_the_samples_is_there_before_the_node_is_started() -> None:
+    replayer = {f"/platoon/{REPLAYER}"}
+    allowed = MACHINE.publishers(MACHINE.begin("f00d", 1.0))
+    assert allowed["/platoon/vehicle_1/pose"] == replayer
+    assert allowed["/platoon/host_state"] >= replayer
+    assert allowed["/platoon/host_replayer/recorded"] >= replayer
+    assert not allowed[ANSWERS[0]]
+    assert not allowed["/platoon/status"]
+
+
 def test_a_process_that_ends_is_named() -> None:
     run, _ = go(running(), 2.0, ProcessEnded(REPLAYED, 7, "was killed by SIGKILL"))
     assert message(run) == "vehicle_2/vehicle (process 7) was killed by SIGKILL"
