@@ -193,9 +193,8 @@ def supervisor_parameters() -> dict[str, Any]:
             values = given_parameters(node)
             namespace = node.get_namespace()
         finally:
-            with shared_memory.cleared_segments():
-                node.destroy_node()
-                rclpy.try_shutdown()
+            node.destroy_node()
+            rclpy.try_shutdown()
     except (RuntimeError, InvalidNamespaceException, ValueError) as error:
         raise UserError(f"supervisor: {' '.join(str(error).split())}") from error
     if namespace != "/":
