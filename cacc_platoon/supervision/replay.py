@@ -67,6 +67,7 @@ def run_node(plan: NodePlan, lifeline: Connection) -> None:
     stop = host_signals()
     if plan.verbose:
         log_to_stderr()
+    shared_memory.note_start()
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     failure = ""
     try:
