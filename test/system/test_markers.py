@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from itertools import pairwise
 
 import pytest
@@ -37,32 +37,39 @@ def test_every_vehicle_has_a_box_where_it_is(platoon: Callable[..., Platoon]) ->
     assert min(gaps) > 20.0
 
 
-@pytest.mark.parametrize(("frame", "x"), [("odometry", 1.0), ("map", math.nan)])
-def test_a_pose_that_cannot_be_drawn_is_left_out(frame: str, x: float) -> None:
-    seen: list[MarkerArray] = []
+@pytest.fixture
+def executor() -> Iterator[SingleThreadedExecutor]:
+    """Run nodes of this process in a domain of their own."""
     with own_domain() as domain:
         rclpy.init(args=[], domain_id=domain)
-        markers = MarkerNode(Scenario.from_values({"platoon.followers": 1}))
-        other = Node("other", use_global_arguments=False)
-        other.create_subscription(MarkerArray, "/platoon/markers", seen.append, 5)
-        publishers = [
-            other.create_publisher(PoseStamped, f"/platoon/vehicle_{index}/pose", 10)
-            for index in (0, 1)
-        ]
-        executor = SingleThreadedExecutor()
-        executor.add_node(markers)
-        executor.add_node(other)
-        deadline = time.monotonic() + PATIENCE
-        while len(seen) < 5 and time.monotonic() < deadline:
-            for index, publisher in enumerate(publishers):
-                message = PoseStamped()
-                message.header.frame_id = frame if index else "map"
-                message.pose.position.x = x if index else 2.0
-                publisher.publish(message)
-            executor.spin_once(timeout_sec=0.1)
-        executor.shutdown()
-        markers.destroy_node()
-        other.destroy_node()
+        made = SingleThreadedExecutor()
+        yield made
+        for node in list(made.get_nodes()):
+            node.destroy_node()
+        made.shutdown()
         rclpy.shutdown()
+
+
+@pytest.mark.parametrize(("frame", "x"), [("odometry", 1.0), ("map", math.nan)])
+def test_a_pose_that_cannot_be_drawn_is_left_out(
+    executor: SingleThreadedExecutor, frame: str, x: float
+) -> None:
+    seen: list[MarkerArray] = []
+    other = Node("other", use_global_arguments=False)
+    other.create_subscription(MarkerArray, "/platoon/markers", seen.append, 5)
+    executor.add_node(other)
+    executor.add_node(MarkerNode(Scenario.from_values({"platoon.followers": 1})))
+    publishers = [
+        other.create_publisher(PoseStamped, f"/platoon/vehicle_{index}/pose", 10)
+        for index in (0, 1)
+    ]
+    deadline = time.monotonic() + PATIENCE
+    while len(seen) < 5 and time.monotonic() < deadline:
+        for index, publisher in enumerate(publishers):
+            message = PoseStamped()
+            message.header.frame_id = frame if index else "map"
+            message.pose.position.x = x if index else 2.0
+            publisher.publish(message)
+        executor.spin_once(timeout_sec=0.1)
     assert len(seen) == 5
     assert {marker.id for marker in seen[-1].markers} == {0}
