@@ -8,15 +8,12 @@ import importlib
 import sys
 from collections.abc import Sequence
 from types import ModuleType
-from typing import TYPE_CHECKING, NoReturn
+from typing import Any, NoReturn
 
 from cacc_platoon import __version__
 from cacc_platoon.cli.console import give_up_output, open_standard_streams, say
 from cacc_platoon.cli.exit_codes import BAD_INPUT, FAILED, INTERRUPTED
 from cacc_platoon.errors import UserError, one_line
-
-if TYPE_CHECKING:
-    from _typeshed import SupportsWrite
 
 VERBS = ("design", "run", "simulate", "report", "replay", "layout", "paper", "parameters", "doctor")
 _OF_A_PATH = (
@@ -70,7 +67,7 @@ class _Parser(argparse.ArgumentParser):
         """Say what is wrong with the arguments in a line that can be shown."""
         super().error(one_line(message))
 
-    def _print_message(self, message: str, file: SupportsWrite[str] | None = None) -> None:
+    def _print_message(self, message: str, file: Any = None) -> None:
         """Write a message; that it cannot be written is not passed over, as argparse does."""
         (file or sys.stderr).write(message)
 

@@ -311,6 +311,7 @@ CHANGED = {
     "run.stall_timeout": 11.5,
     "record.command": True,
     "record.spacing_error": True,
+    "record.parts": "parts",
 }
 OWN = {"controller.k_v": 0.71875, "v2v.noise": "bits", "v2v.bit_probabilities": (0.34375, 0.5)}
 

@@ -1,6 +1,7 @@
 """Scenario files: what is refused, in which words, what is accepted, and that nothing is lost."""
 
 import math
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -322,11 +323,11 @@ common_values = st.fixed_dictionaries(
         "platoon.initial_speed": st.floats(1e-3, 60.0),
         "platoon.namespace": st.sampled_from(["/platoon", "/a/b_2"]),
         "vehicle.tau": st.lists(st.floats(1e-6, 0.5), min_size=5, max_size=5),
-        "controller.k_a": st.floats(0.0, 2.0),
-        "controller.k_p": st.floats(5e-324, 1e-3, exclude_min=False),
+        "controller.k_a": st.floats(0.0, 2.0, allow_subnormal=False),
+        "controller.k_p": st.floats(sys.float_info.min, 1e-3),
         "v2v.bit_probabilities": st.lists(st.floats(1e-9, 0.999), min_size=1, max_size=32),
         "leader.profile": st.sampled_from(["sine", "step", "brake", "constant"]),
-        "leader.amplitude": st.floats(-5.0, 5.0),
+        "leader.amplitude": st.floats(-5.0, 5.0, allow_subnormal=False),
         "run.seed": st.integers(0, 2**63 - 1),
         "run.hosts": st.sampled_from(["auto", "per_node", 1, 7]),
         "run.spawn": st.booleans(),
