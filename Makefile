@@ -11,6 +11,7 @@ STAMP := $(VENV)/made_in
 DEMO := runs/demo
 SEED := 1
 COUNT := 500
+FAULTS := 200
 
 OLDEST := .venv-oldest
 OLDEST_STAMP := $(OLDEST)/made_in
@@ -66,8 +67,9 @@ $(OLDEST_STAMP): setup.py pyproject.toml test/oldest.txt
 	  --constraint test/oldest.txt -e '.[ros,test]'; \
 	printf '%s' '$(CURDIR)' >$@
 
-campaign: setup ## search hostile inputs that break a rule, COUNT=500 of each kind from SEED=1 on
+campaign: setup ## search for what breaks a rule: COUNT=500 hostile inputs of each kind, FAULTS=200 of platoons
 	$(BIN)/python test/campaign/inputs.py --seed $(SEED) --count $(COUNT)
+	$(BIN)/python test/campaign/faults.py --seed $(SEED) --count $(FAULTS)
 
 coverage: setup ## run every test and print how much of the code ran, in subprocesses too
 	$(BIN)/coverage erase
