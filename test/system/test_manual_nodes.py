@@ -128,7 +128,7 @@ def test_an_early_signal_is_not_lost(domain: int, tmp_path: Path, seconds: float
     """Once Python runs our code, a Ctrl-C ends it without a traceback, whatever it is loading."""
     log = tmp_path / "log"
     node = start(domain, log)
-    wait(lambda: handled(node.pid, signal.SIGHUP), node, log)
+    wait(lambda: handled(node.pid, signal.SIGTERM), node, log)
     with pytest.raises(subprocess.TimeoutExpired):
         node.wait(seconds)
     node.send_signal(signal.SIGINT)
