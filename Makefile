@@ -51,7 +51,7 @@ paper: setup ## repeat the paper: its three cases on ROS 2 nodes, every figure, 
 
 test: lint ## check the style and types, then run every test
 	$(BIN)/python -m pytest -m "unit or report" -n auto
-	$(BIN)/python -m pytest -m "ros or system" -n 2 --dist worksteal
+	$(BIN)/python -m pytest -m "ros or system" -n 3 --dist worksteal
 
 test-quick: setup ## run the unit tests alone: no processes, no DDS, under a minute
 	$(BIN)/python -m pytest -m unit -n auto --hypothesis-profile quick
@@ -74,7 +74,7 @@ campaign: setup ## search for what breaks a rule: COUNT=500 hostile inputs of ea
 coverage: setup ## run every test and print how much of the code ran, in subprocesses too
 	$(BIN)/coverage erase
 	$(BIN)/coverage run -m pytest -m "unit or report" -n auto
-	$(BIN)/coverage run -m pytest -m "ros or system" -n 2 --dist worksteal
+	$(BIN)/coverage run -m pytest -m "ros or system" -n 3 --dist worksteal
 	$(BIN)/coverage combine --quiet
 	$(BIN)/coverage report
 
