@@ -101,7 +101,7 @@ def test_the_second_signal_undoes_nothing(platoon: Start, number: signal.Signals
     run.wait_sample(200)
     for _ in range(3):
         os.kill(said(run).pid or 0, number)
-    result = run.result(timeout=20)
+    result = run.result()
     assert (result.exit_code, result.status) == (128 + number, "interrupted")
     assert result.message == f"stopped by {number.name}"
     assert "Traceback" not in result.errors
@@ -114,7 +114,7 @@ def test_a_full_disk_is_said_in_run_json(platoon: Start) -> None:
     run.wait_sample(20)
     for pid in run.living():
         fill_disk(pid)
-    result = run.result(timeout=30)
+    result = run.result()
     assert (result.exit_code, result.status) == (1, "failed")
     assert "cannot be written: File too large" in result.message
     assert NO_BAG in result.message
@@ -131,7 +131,7 @@ def test_a_bag_that_cannot_be_written_is_written_later(platoon: Start) -> None:
     run = platoon(*QUICK, hosts=2)
     run.wait_sample(20)
     fill_disk(said(run).pid or 0)
-    result = run.result(timeout=60)
+    result = run.result()
     assert (result.exit_code, result.status) == (1, "failed")
     assert result.message == f"{NO_BAG} (File too large)"
     assert report(run).returncode == 0
@@ -146,7 +146,7 @@ def test_what_is_deleted_in_mid_run_is_noticed_at_once(platoon: Start, what: str
     run.wait_sample(100)
     shutil.rmtree(run.folder.parts if what == "parts" else run.folder.path)
     begun = time.monotonic()
-    result = run.result(timeout=20)
+    result = run.result()
     assert time.monotonic() - begun < 5.0
     assert result.exit_code == 1
     assert "deleted" in result.errors
@@ -161,7 +161,7 @@ def test_what_is_deleted_in_mid_run_is_noticed_at_once(platoon: Start, what: str
 
 def test_a_run_without_samples_is_reported_as_what_it_was(platoon: Start) -> None:
     run = platoon(*SMALL, "run.manual_nodes=[vehicle_2/vehicle]", "run.start_timeout=2")
-    result = run.result(timeout=30)
+    result = run.result()
     assert result.status == "failed"
     answer = report(run)
     assert answer.returncode == 2
@@ -173,7 +173,7 @@ def test_a_run_whose_nodes_never_end_ends(platoon: Start, tmp_path: Path) -> Non
     run = platoon(*QUICK, hosts=2, environment=hanging(tmp_path))
     run.wait((run.folder.path / "run.json").is_file, 30, "run.json")
     run.wait(lambda: said(run).digest != "", 60, "the bag")
-    result = run.result(timeout=25)
+    result = run.result()
     assert (result.exit_code, result.status) == (0, "finished")
     assert run.folder.bag.is_dir()
     run.wait_gone()
@@ -187,7 +187,7 @@ def test_a_node_that_never_ends_is_ended(platoon: Start, tmp_path: Path) -> None
     run.start("vehicle_2/vehicle")
     run.wait_sample(100)
     run.kill("vehicle_2/vehicle", signal.SIGTERM)
-    result = run.result(timeout=40)
+    result = run.result()
     assert (result.exit_code, result.status) == (1, "failed")
     assert "vehicle_2/vehicle) was stopped by SIGTERM" in result.message
     run.wait_gone(timeout=15)
@@ -203,7 +203,7 @@ def test_whoever_insists_leaves_the_bag_for_later(platoon: Start) -> None:
     run.wait(lambda: time.monotonic() - begun > REPEATED, 5, "a while")
     assert not run.folder.bag.exists()
     run.kill("supervisor", signal.SIGINT)
-    result = run.result(timeout=15)
+    result = run.result()
     assert (result.exit_code, result.status) == (130, "interrupted")
     assert result.message == f"{NO_BAG} (stopped meanwhile)"
     locate(run.folder.path)
@@ -225,7 +225,7 @@ def test_a_failure_that_the_graph_shows_names_no_innocent_node(platoon: Start) -
     run = platoon(*SMALL, hosts=2)
     run.wait_sample(100)
     run.publisher(VehicleTopics("/platoon", 1).pose)
-    result = run.result(timeout=20)
+    result = run.result()
     assert result.exit_code == 1
     assert "/platoon/vehicle_1/pose has 2 publishers" in result.message
     assert "stopped at sample" not in result.message
@@ -236,7 +236,7 @@ def test_a_killed_forkserver_is_named(platoon: Start) -> None:
     run.wait_sample(100)
     server = parent(run.pid("vehicle_1/vehicle"))
     os.kill(server, signal.SIGKILL)
-    result = run.result(timeout=15)
+    result = run.result()
     assert (result.exit_code, result.status) == (1, "failed")
     assert result.message.startswith(f"the forkserver (process {server})")
     assert "was killed by SIGKILL" in result.message
@@ -247,7 +247,7 @@ def test_a_stopped_forkserver_keeps_nothing_from_ending(platoon: Start) -> None:
     run = platoon(*SMALL, hosts=2)
     run.wait_sample(100)
     os.kill(parent(run.pid("vehicle_1/vehicle")), signal.SIGSTOP)
-    result = run.result(timeout=25)
+    result = run.result()
     assert (result.exit_code, result.status) == (0, "finished")
 
 

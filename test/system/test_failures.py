@@ -35,7 +35,7 @@ def test_a_killed_node_ends_the_run(platoon: Start, node: str) -> None:
     run = platoon(*SMALL, hosts="per_node")
     run.wait_sample(200)
     run.kill(node)
-    result = run.result(timeout=15)
+    result = run.result()
     assert (result.exit_code, result.status) == (1, "failed")
     assert node in result.message
     assert "was killed by SIGKILL" in result.message
@@ -50,7 +50,7 @@ def test_a_killed_node_that_was_started_manually_ends_the_run(platoon: Start) ->
     run.start("vehicle_2/vehicle")
     run.wait_sample(200)
     run.kill("vehicle_2/vehicle")
-    result = run.result(timeout=20)
+    result = run.result()
     assert result.exit_code == 1
     assert "no progress for" in result.message
     assert "vehicle_2/vehicle" in result.message
@@ -66,7 +66,7 @@ def test_a_killed_recorder_ends_the_run(platoon: Start, tmp_path: Path) -> None:
         run.start(node)
     run.wait_sample(200)
     run.kill("recorder")
-    result = run.result(timeout=20)
+    result = run.result()
     assert result.exit_code == 1
     assert "host_recorder/recorder" in result.message
     assert_bag_is_readable(run, at_least=100)
@@ -92,7 +92,7 @@ def test_a_signal_ends_the_run_in_good_order(
     run = platoon(*SMALL, hosts=2)
     run.wait_sample(200)
     run.kill("supervisor", number)
-    result = run.result(timeout=15)
+    result = run.result()
     assert (result.exit_code, result.status) == (exit_code, "interrupted")
     assert "Traceback" not in result.errors
     assert number.name in result.message
@@ -103,7 +103,7 @@ def test_a_terminated_host_ends_the_run_in_good_order(platoon: Start) -> None:
     run = platoon(*SMALL, hosts=2)
     run.wait_sample(200)
     run.kill("vehicle_3/vehicle", signal.SIGTERM)
-    result = run.result(timeout=15)
+    result = run.result()
     assert (result.exit_code, result.status) == (1, "failed")
     assert "SIGTERM" in result.message
     assert_bag_is_readable(run, at_least=200)
@@ -111,7 +111,7 @@ def test_a_terminated_host_ends_the_run_in_good_order(platoon: Start) -> None:
 
 def test_a_node_that_never_appears_is_named(platoon: Start) -> None:
     run = platoon(*SMALL, "run.manual_nodes=[vehicle_2/noise_relay]", "run.start_timeout=4")
-    result = run.result(timeout=20)
+    result = run.result()
     assert result.exit_code == 1
     assert "vehicle_2/noise_relay" in result.message
     assert "have not appeared" in result.message
@@ -121,7 +121,7 @@ def test_a_stall_names_who_stopped(platoon: Start) -> None:
     run = platoon(*SMALL, "run.stall_timeout=1.5", hosts="per_node")
     run.wait_sample(200)
     run.kill("vehicle_2/vehicle", signal.SIGSTOP)
-    result = run.result(timeout=25)
+    result = run.result()
     assert result.exit_code == 1
     assert "no progress for" in result.message
     assert "vehicle_2/vehicle) does not answer" in result.message
@@ -133,7 +133,7 @@ def test_a_foreign_publisher_is_named(platoon: Start) -> None:
     run.wait_sample(100)
     publish = run.publisher(VehicleTopics("/platoon", 1).pose)
     publish(0, 1.0)
-    result = run.result(timeout=20)
+    result = run.result()
     assert result.exit_code == 1
     assert "/platoon/vehicle_1/pose" in result.message or "pose of vehicle_1" in result.message
     assert "another publisher" in result.message or "observer" in result.message
@@ -154,7 +154,7 @@ def test_a_strange_message_ends_the_run_by_name(
     run = platoon(*SMALL, hosts=2)
     run.wait_sample(100)
     run.send(message, topic)
-    result = run.result(timeout=20)
+    result = run.result()
     assert result.exit_code == 1
     assert "Traceback" not in result.errors
     named = topic.removeprefix("/platoon/").replace("/recorded", "")
@@ -167,7 +167,7 @@ def test_a_count_of_another_publisher_ends_the_run_by_name(platoon: Start) -> No
     run = platoon(*SMALL, "v2v.loss=0.1", hosts=2)
     run.wait_sample(100)
     run.send(Vector3Stamped(), "/platoon/vehicle_2/v2v/complete")
-    result = run.result(timeout=20)
+    result = run.result()
     assert result.exit_code == 1
     assert "Traceback" not in result.errors
     assert "/platoon/vehicle_2/v2v/complete" in result.message
@@ -185,7 +185,7 @@ def test_a_count_of_another_publisher_ends_the_run_by_name(platoon: Start) -> No
 def test_a_node_with_other_parameters_is_named(platoon: Start, node: str, parameter: str) -> None:
     run = platoon(*SMALL, f"run.manual_nodes=[{node}]")
     run.start(node, parameters=[parameter])
-    result = run.result(timeout=30)
+    result = run.result()
     assert result.exit_code == 1
     assert f"{node}: {parameter.partition(':=')[0]} = " in result.message
 
@@ -193,7 +193,7 @@ def test_a_node_with_other_parameters_is_named(platoon: Start, node: str, parame
 def test_nan_on_a_topic_is_named(platoon: Start) -> None:
     relay = [sys.executable, str(Path(__file__).with_name("spoiled_relay.py"))]
     run = platoon(*SMALL, manual_nodes={"vehicle_2/noise_relay": relay})
-    result = run.result(timeout=20)
+    result = run.result()
     assert result.exit_code == 1
     assert "vehicle_2" in result.message
     assert "nan" in result.message

@@ -108,7 +108,7 @@ def test_records_of_somebody_else_do_not_get_into_the_bag(
         file.write_bytes(bytes(len(file.read_bytes())))
     forged = dataclasses.replace(state, **{"part": str(evil), **change})
     run.send(String(data=forged.to_json()), STATE)
-    result = run.result(timeout=20)
+    result = run.result()
     assert_failed(result, "/observer")  # whether its message or its endpoint is seen first
     assert_good_before(run, result, 100)
 
@@ -159,7 +159,7 @@ def test_no_text_ends_a_run_in_any_other_way_than_by_name(
     status = RunStatus(state.run, RunPhase.RUNNING, 5, 6001)
     genuine = (state if topic == STATE else status).to_json()
     run.send([String(data=text) for text in texts(seed, genuine) if encodable(text)], topic)
-    result = run.result(timeout=20)
+    result = run.result()
     assert_failed(result, "publisher", "/observer")
     assert result.info is not None
     assert_good_before(run, result, 100)
@@ -170,7 +170,7 @@ def test_hosts_that_are_told_that_the_run_is_over_say_so(platoon: Start) -> None
     run.wait_sample(100)
     state = heard_states(run)["0"]
     run.send(String(data=RunStatus(state.run, RunPhase.FINISHED, 6000, 6001).to_json()), STATUS)
-    result = run.result(timeout=20)
+    result = run.result()
     assert_failed(result, "publisher", "/observer")
     assert_good_before(run, result, 100)
 
@@ -191,7 +191,7 @@ def test_a_publisher_that_has_sent_nothing_yet_is_seen(
     run = platoon(*SMALL, "v2v.loss=0.1", hosts=2)
     run.wait_sample(50)
     run.advertise(message_type, topic, qos.latched())
-    assert_failed(run.result(timeout=20), topic, "/observer", "Another platoon or publisher")
+    assert_failed(run.result(), topic, "/observer", "Another platoon or publisher")
 
 
 def test_a_publisher_that_nobody_can_hear_is_a_warning(platoon: Start) -> None:
@@ -202,7 +202,7 @@ def test_a_publisher_that_nobody_can_hear_is_a_warning(platoon: Start) -> None:
     run.advertise(Bool, "/platoon/vehicle_2/twist", 1)
     run.advertise(PoseStamped, poses, best_effort)
     run.advertise(String, STATE, 1)
-    result = run.result(timeout=30)
+    result = run.result()
     assert (result.status, result.digest) == ("finished", digest(run)), result.message
     for topic in ("/platoon/vehicle_2/twist", poses, STATE):
         assert result.errors.count(f"warning: {topic}: /observer publishes") == 1, result.errors
@@ -216,7 +216,7 @@ def test_a_flood_of_counts_is_named_with_its_topic(platoon: Start, ahead: int) -
     step = run.scenario.step_ns
     for k in range(3000):
         publish((100 + ahead + k) * step, 1.0 + k)
-    result = run.result(timeout=20)
+    result = run.result()
     assert_failed(result, "v2v/complete", "publisher", "/observer")
     doubtful = result.message.partition(DOUBT)[2]
     assert_good_before(run, result, int(doubtful.split()[0]) if doubtful else 100)
@@ -240,7 +240,7 @@ def test_counts_that_are_due_make_the_samples_from_there_on_doubtful(platoon: St
         publish(stamp + k * run.scenario.step_ns, count)
     for k in range(3, 2000):
         publish(stamp + k * run.scenario.step_ns, count + k - 2)
-    result = run.result(timeout=20)
+    result = run.result()
     assert_failed(result, "v2v/complete", "another publisher")
     doubtful = result.message.partition(DOUBT)[2]
     good = int(doubtful.split()[0]) if doubtful else 100
@@ -255,7 +255,7 @@ def test_a_packet_of_another_publisher_is_found_out_at_the_latest_at_the_end(
     accel = VehicleTopics("/platoon", 1).received
     publisher = run.advertise(AccelStamped, accel.name, qos.stream(run.scenario))
     publisher.publish(accel.codec.encode(0, 0.5))
-    result = run.result(timeout=30)
+    result = run.result()
     assert result.exit_code == 1
     assert result.status == "failed"
 
@@ -267,7 +267,7 @@ def test_a_part_that_the_supervisor_was_not_told_of_is_named(
     run = platoon(*SMALL, f"run.manual_nodes=[{node}]")
     parts = tmp_path / "parts"
     run.start(node, parameters=[f"record:={parts}"])
-    result = run.result(timeout=30)
+    result = run.result()
     assert_failed(
         result,
         f"host vehicle_2_vehicle: records in {parts / 'vehicle_2_vehicle'}, unknown to the run",
@@ -280,5 +280,5 @@ def test_a_node_that_is_started_manually_although_the_run_starts_it_is_named(
 ) -> None:
     run = platoon(*SMALL, "run.start_timeout=20", hosts=1)
     run.start("vehicle_2/vehicle")
-    result = run.result(timeout=30)
+    result = run.result()
     assert_failed(result, "vehicle_2", "publisher")
