@@ -149,7 +149,10 @@ class HostProcesses:
         if self._starter:
             self._starter.join(max(0.0, deadline - time.monotonic()))
             if self._starter.is_alive() or any(process.is_alive() for process in processes):
-                os.kill(_forkserver_pid(), signal.SIGKILL)
+                server = _forkserver_pid()
+                for pid in (*_children(server), server):  # one may not have told its number yet
+                    with contextlib.suppress(ProcessLookupError):
+                        os.kill(pid, signal.SIGKILL)
                 self._starter.join(1.0)
 
     def _living(self) -> list[int]:
@@ -165,6 +168,12 @@ class HostProcesses:
 def _forkserver_pid() -> int:
     """Return the forkserver's process, which multiprocessing keeps to itself."""
     return int(getattr(forkserver._forkserver, "_forkserver_pid", None) or 0)
+
+
+def _children(pid: int) -> list[int]:
+    with contextlib.suppress(OSError):
+        return [*map(int, Path(f"/proc/{pid}/task/{pid}/children").read_text().split())]
+    return []
 
 
 def _stat(pid: int) -> Sequence[str]:

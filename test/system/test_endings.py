@@ -53,6 +53,11 @@ def parent(pid: int) -> int:
     return int(Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[1])
 
 
+def is_forkserver(pid: int) -> bool:
+    """Return whether a process is the one that starts the hosts."""
+    return "forkserver" in Path(f"/proc/{pid}/cmdline").read_text()
+
+
 def fill_disk(pid: int) -> None:
     """From now on no file of a process grows beyond LENGTH, as on a disk that is full."""
     _, hard = resource.prlimit(pid, resource.RLIMIT_FSIZE)
@@ -249,6 +254,30 @@ def test_a_stopped_forkserver_keeps_nothing_from_ending(platoon: Start) -> None:
     os.kill(parent(run.pid("vehicle_1/vehicle")), signal.SIGSTOP)
     result = run.result()
     assert (result.exit_code, result.status) == (0, "finished")
+
+
+@pytest.mark.parametrize("stopped", ["the forkserver", "a host"])
+def test_who_does_not_start_the_hosts_is_named_and_ended(platoon: Start, stopped: str) -> None:
+    """A host may be stopped before it has told its number to anybody."""
+    run = platoon(*SMALL, "run.start_timeout=15", hosts=2)
+    supervisor = run.pid("supervisor")
+    found: list[int] = []
+
+    def comes() -> bool:
+        living = [pid for pid in run.living() if pid != supervisor]
+        servers = [pid for pid in living if parent(pid) == supervisor and is_forkserver(pid)]
+        hosts = [pid for pid in living if parent(pid) in servers]
+        found[:] = servers if stopped == "the forkserver" else hosts
+        return bool(found)
+
+    run.wait(comes, 30, stopped)
+    os.kill(found[0], signal.SIGSTOP)
+    result = run.result()
+    assert (result.exit_code, result.status) == (1, "failed")
+    named = "the forkserver (process" if stopped == "the forkserver" else ""
+    assert named in result.message
+    assert "answer" in result.message or "appear" in result.message, result.message
+    run.wait_gone()
 
 
 def test_run_json_is_never_half_written(platoon: Start) -> None:

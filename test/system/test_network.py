@@ -12,6 +12,7 @@ import signal
 import socket
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -21,7 +22,6 @@ import pytest
 
 from cacc_platoon.dds import shared_memory
 from cacc_platoon.dds.domain import own_domain
-from cacc_platoon.dds.own_folder import own_folders
 from cacc_platoon.runs.info import RunInfo
 from cacc_platoon.testing import Platoon
 
@@ -331,8 +331,16 @@ def test_a_host_killed_in_its_first_moments_leaves_nothing(
     assert (result.exit_code, result.status) == (1, "failed"), result
 
 
+@pytest.fixture
+def own_folder(monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """Give platoons of this test a folder of their own, near enough for the name of a socket."""
+    with tempfile.TemporaryDirectory() as folder:
+        monkeypatch.setenv("XDG_RUNTIME_DIR", folder)
+        yield Path(folder)
+
+
 def test_a_killed_command_leaves_no_temporary_files(
-    platoon: Callable[..., Platoon], tmp_path: Path
+    own_folder: Path, platoon: Callable[..., Platoon], tmp_path: Path
 ) -> None:
     temporary = tmp_path / "tmp"
     temporary.mkdir()
@@ -342,7 +350,7 @@ def test_a_killed_command_leaves_no_temporary_files(
     run.wait_gone()
     assert list(temporary.iterdir()) == []
     shared_memory.sweep()
-    assert [path.name for folder in own_folders() for path in folder.rglob("pymp-*")] == []
+    assert not list(own_folder.rglob("pymp-*"))
 
 
 @pytest.mark.parametrize("domain", ["100000", "233", "one"])

@@ -191,6 +191,11 @@ def processes_with(mark: str) -> dict[int, int]:
     return found
 
 
+def thread_count(pid: int) -> int:
+    """Return how many threads a process has."""
+    return len([*Path(f"/proc/{pid}/task").iterdir()])
+
+
 def test_a_node_that_hangs_is_named_and_ended(tmp_path: Path) -> None:
     settings = (*SHORT, "run.duration=1", "run.start_timeout=2")
     run = simulate_run(load_scenario(PAPER_A, settings), tmp_path / "run")
@@ -204,7 +209,8 @@ def test_a_node_that_hangs_is_named_and_ended(tmp_path: Path) -> None:
         assert time.monotonic() < deadline
         parents = processes_with(mark)
         servers = [pid for pid, parent in parents.items() if parent == process.pid]
-        node = [pid for pid, parent in parents.items() if parent in servers]
+        children = [pid for pid, parent in parents.items() if parent in servers]
+        node = [pid for pid in children if thread_count(pid) > 1]  # it has begun
     os.kill(node[0], signal.SIGSTOP)
     _, errors = process.communicate(timeout=PATIENCE)
     assert process.returncode == 1

@@ -158,6 +158,7 @@ def test_another_seed_gives_another_run(platoon: Start, expected: str) -> None:
 def test_a_gain_of_one_vehicle_changes_what_is_downstream(platoon: Start) -> None:
     common = load_scenario(PAPER_A, SHORT)
     changed = platoon(*SHORT, "vehicle_5.controller.k_v=0.7").result()
+    assert changed.status == "finished", changed.message
     reference = {
         name: topic_digest(record) for name, record in recording_of(simulate(common)).items()
     }
