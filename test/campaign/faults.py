@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import fcntl
 import random
 import signal
 import subprocess
@@ -37,6 +36,7 @@ from cacc_platoon.runs.recorded_run import read_run
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.simulation import Trajectory, simulate
 from cacc_platoon.testing import Platoon
+from cacc_platoon.testing.leftovers import unowned_files
 from msg_adapters.topics import PlatoonTopics, VehicleTopics
 
 SCENARIOS = {
@@ -49,7 +49,6 @@ SCENARIOS = {
 LIMIT = 60.0
 """How long anything may take to end [s]."""
 EXIT_CODES = {0, 1, 2, 130, 143}
-SHARED_MEMORY = Path("/dev/shm")
 MOTION = ("position", "velocity", "acceleration")
 PHASES = ("start", "run", "merge")
 NODES = ("supervisor", "vehicle_0/leader", "vehicle_2/vehicle", "vehicle_3/noise_relay")
@@ -185,7 +184,7 @@ def truth(name: str) -> Trajectory:
 
 def wrong(fault: Fault) -> list[str]:
     """Let a fault happen and return what does not hold; nothing when all is well."""
-    before = leftovers()
+    before = unowned_files()
     with tempfile.TemporaryDirectory(prefix="campaign_") as folder:
         temporary = Path(folder, "tmp")
         temporary.mkdir()
@@ -211,7 +210,7 @@ def wrong(fault: Fault) -> list[str]:
             found += _folder(fault, run.folder.path)
             found += [f"{path.name} was left behind" for path in temporary.iterdir()]
         deadline = time.monotonic() + 5.0
-        while (left := leftovers() - before) and time.monotonic() < deadline:
+        while (left := unowned_files() - before) and time.monotonic() < deadline:
             threading.Event().wait(0.1)
     return [*found, *(f"{name} was left behind" for name in sorted(left))]
 
@@ -272,28 +271,6 @@ def _equal(recorded: npt.NDArray[np.float64], expected: npt.NDArray[np.float64])
     """Return whether all that was recorded is as expected; what was not is NaN."""
     there = np.isfinite(recorded)
     return bool((recorded == expected[: len(recorded)])[there].all())
-
-
-def leftovers() -> set[str]:
-    """Return the segments and ports of Fast DDS in shared memory that nobody owns."""
-    return set(_unowned())
-
-
-def _unowned() -> Iterator[str]:
-    names = {
-        file.name
-        for file in SHARED_MEMORY.iterdir()
-        if file.name.startswith(("fastrtps_", "fastdds_"))
-    }
-    for name in names:
-        if name.endswith("_el"):
-            continue
-        lock = SHARED_MEMORY / f"{name}_el"
-        with contextlib.suppress(OSError):
-            if lock.exists():
-                with lock.open("ab") as handle:
-                    fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            yield name
 
 
 def main() -> int:

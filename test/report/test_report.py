@@ -359,9 +359,7 @@ def test_every_parameter_can_be_shown(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("setting", "check"),
     [
-        ("controller.k_p=1e6", False),
         ("controller.k_p=1e6", True),
-        ("controller.k_p=1e200", False),
         ("controller.k_p=1e200", True),
         ("vehicle_2.controller.k_p=1e6", True),
         ("controller.k_v=1e200", False),

@@ -1,7 +1,6 @@
 """Real platoons for tests: small, short, and watched for what they leave behind."""
 
 import contextlib
-import fcntl
 import json
 import subprocess
 import sys
@@ -13,32 +12,12 @@ from typing import Any
 
 import pytest
 
-from cacc_platoon.dds.shared_memory import SHARED_MEMORY
 from cacc_platoon.testing import Platoon
+from cacc_platoon.testing.leftovers import unowned_files
 
 CONFIG = Path(__file__).parents[2] / "config"
 PAPER_A = CONFIG / "paper_a.yaml"
 PATIENCE = 60.0
-
-
-def unowned_files() -> set[str]:
-    """Return the segments and ports of Fast DDS, whoever made them, that no process has locked."""
-    names = {
-        file.name
-        for file in SHARED_MEMORY.iterdir()
-        if file.name.startswith(("fastrtps_", "fastdds_"))
-    }
-    found = set()
-    for name in names:
-        if name.endswith("_el") and ("_port" in name or name.removesuffix("_el") in names):
-            continue
-        lock = SHARED_MEMORY / f"{name}_el"
-        with contextlib.suppress(OSError):
-            if lock.exists():
-                with lock.open("ab") as handle:
-                    fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            found.add(name)
-    return found
 
 
 @pytest.fixture

@@ -1,0 +1,28 @@
+"""What platoons that have ended may have left behind; the tests' own look at shared memory."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+
+from cacc_platoon.dds.shared_memory import SHARED_MEMORY
+
+
+def unowned_files() -> set[str]:
+    """Return the segments and ports of Fast DDS, whoever made them, that no process has locked."""
+    names = {
+        file.name
+        for file in SHARED_MEMORY.iterdir()
+        if file.name.startswith(("fastrtps_", "fastdds_"))
+    }
+    found = set()
+    for name in names:
+        if name.endswith("_el") and ("_port" in name or name.removesuffix("_el") in names):
+            continue
+        lock = SHARED_MEMORY / f"{name}_el"
+        with contextlib.suppress(OSError):
+            if lock.exists():
+                with lock.open("ab") as handle:
+                    fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            found.add(name)
+    return found
