@@ -256,9 +256,14 @@ def _folder(fault: Fault, folder: Path) -> Iterator[str]:
         if info and info.status is EndStatus.FINISHED:
             yield "finished without a bag"
         return
+    yield from _data(fault, folder / "bag", info)
+
+
+def _data(fault: Fault, bag: Path, info: RunInfo | None) -> Iterator[str]:
+    """Say what is wrong with the data."""
     finished = info is not None and info.status is EndStatus.FINISHED
     try:
-        recorded, expected = read_run(folder / "bag").trajectory, truth(fault.scenario)
+        recorded, expected = read_run(bag).trajectory, truth(fault.scenario)
     except BagError as error:  # it was stopped before the first sample
         if finished:
             yield f"finished, and {error}"
