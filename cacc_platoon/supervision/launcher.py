@@ -71,6 +71,7 @@ class HostProcesses:
         self._running: dict[str, tuple[ForkServerProcess, Connection]] = {}
         self._starter: threading.Thread | None = None
         self._began = 0.0
+        self._stopping = False
 
     def start(
         self, plans: Sequence[Plan], target: Callable[[Any, Connection], None] = run_host
@@ -83,6 +84,8 @@ class HostProcesses:
     def _start(self, plans: Sequence[Plan], target: Callable[[Any, Connection], None]) -> None:
         with _signals_blocked():
             for plan in plans:
+                if self._stopping:
+                    return
                 reader, writer = self._context.Pipe(duplex=False)
                 process = self._context.Process(
                     target=target, args=(plan, reader), name=host_name(plan.name)
@@ -129,30 +132,28 @@ class HostProcesses:
 
     def stop(self, patience: float = 3.0) -> None:
         """Wait for the hosts to end by themselves, then end them."""
+        self._stop_starting()
         self._await(patience)
-        for _, lifeline in [*self._running.values()]:
+        for _, lifeline in self._running.values():
             lifeline.close()
         self._await(1.0)
         for pid in self._living():
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(pid, signal.SIGKILL)
+            _kill(pid)
         self._await(1.0)
-        self._join()
+        deadline = time.monotonic() + 1.0
+        for process, _ in self._running.values():
+            process.join(max(0.0, deadline - time.monotonic()))
+        if any(process.is_alive() for process, _ in self._running.values()):
+            _kill_forkserver()
         self._running.clear()
 
-    def _join(self) -> None:
-        """Take leave of the processes; without the forkserver, when that does not answer."""
-        processes = [process for process, _ in self._running.values()]
-        deadline = time.monotonic() + 1.0
-        for process in processes:
-            process.join(max(0.0, deadline - time.monotonic()))
+    def _stop_starting(self) -> None:
+        """Start no more hosts; without the forkserver, when that does not answer."""
+        self._stopping = True
         if self._starter:
-            self._starter.join(max(0.0, deadline - time.monotonic()))
-            if self._starter.is_alive() or any(process.is_alive() for process in processes):
-                server = _forkserver_pid()
-                for pid in (*_children(server), server):  # one may not have told its number yet
-                    with contextlib.suppress(ProcessLookupError):
-                        os.kill(pid, signal.SIGKILL)
+            self._starter.join(1.0)
+            if self._starter.is_alive():
+                _kill_forkserver()
                 self._starter.join(1.0)
 
     def _living(self) -> list[int]:
@@ -168,6 +169,19 @@ class HostProcesses:
 def _forkserver_pid() -> int:
     """Return the forkserver's process, which multiprocessing keeps to itself."""
     return int(getattr(forkserver._forkserver, "_forkserver_pid", None) or 0)
+
+
+def _kill(pid: int) -> None:
+    if pid:  # 0 would be everybody
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGKILL)
+
+
+def _kill_forkserver() -> None:
+    """End it with what it has started, of which one may not have told its number yet."""
+    server = _forkserver_pid()
+    for pid in (*_children(server), server):
+        _kill(pid)
 
 
 def _children(pid: int) -> list[int]:

@@ -32,6 +32,27 @@ import rclpy.node
 rclpy.node.Node.destroy_node = lambda self: ctypes.PyDLL(None).pause()  # with the lock held
 """
 
+LATE = """
+import multiprocessing, os, signal, threading, time
+from types import SimpleNamespace
+from cacc_platoon.supervision.launcher import HostProcesses, _forkserver_pid, prepare
+
+def sleep(plan, lifeline):
+    time.sleep(600)
+
+if __name__ == "__main__":
+    prepare()
+    first = multiprocessing.get_context("forkserver").Process(target=os.getpid)
+    first.start()
+    first.join()
+    server = _forkserver_pid()
+    os.kill(server, signal.SIGSTOP)
+    processes = HostProcesses()
+    processes.start([SimpleNamespace(name="late"), SimpleNamespace(name="later")], sleep)
+    threading.Timer(0.3, os.kill, (server, signal.SIGCONT)).start()
+    processes.stop(patience=0.1)
+"""
+
 Start = Callable[..., Platoon]
 
 
@@ -278,6 +299,15 @@ def test_who_does_not_start_the_hosts_is_named_and_ended(platoon: Start, stopped
     assert named in result.message
     assert "answer" in result.message or "appear" in result.message, result.message
     run.wait_gone()
+
+
+def test_a_host_that_starts_while_the_run_ends_is_ended(tmp_path: Path) -> None:
+    script = tmp_path / "late.py"
+    script.write_text(LATE)
+    done = subprocess.run(
+        [sys.executable, str(script)], capture_output=True, timeout=60, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, b"")
 
 
 def test_run_json_is_never_half_written(platoon: Start) -> None:
