@@ -23,7 +23,7 @@ PIP_COMMANDS = {"dist_info", "bdist_wheel", "editable_wheel"}
 here = Path(__file__).resolve().parent
 version = re.search(r'__version__ = "(.+)"', (here / NAME / "__init__.py").read_text())[1]
 
-executables = [f"platoon = {NAME}.cli:main"]
+executables = [f"platoon = {NAME}.__main__:main"]
 if not PIP_COMMANDS.intersection(sys.argv):  # colcon: lib/cacc_platoon, where `ros2 run` looks
     executables += [f"{node} = {NAME}.supervision.entry_points:{node}" for node in NODES]
     executables += [f"supervisor = {NAME}.cli.supervisor:main"]

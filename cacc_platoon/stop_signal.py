@@ -2,16 +2,46 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import threading
 import time
+from collections.abc import Iterator
 
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 REPEATED = 1.0
 """So soon after the first a signal is the same wish: ros2 launch repeats that of a terminal [s]."""
 PATIENCE = 10.0
 """How long a signal may wait until somebody asks for it [s]; then the process ends at once."""
+
+
+class EndedError(BaseException):
+    """A signal that ends what is being done, as Ctrl-C does, and which it was."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(number)
+        self.signal = signal.Signals(number)
+
+
+@contextlib.contextmanager
+def ended_by(*signals: signal.Signals) -> Iterator[None]:
+    """Within, signals that would end the process raise `EndedError`, so that it can tidy up."""
+
+    def end(number: int, _frame: object) -> None:
+        raise EndedError(number)
+
+    before = {number: signal.getsignal(number) for number in signals}
+    taken = [number for number, handler in before.items() if handler is signal.SIG_DFL]
+    if threading.current_thread() is not threading.main_thread():
+        taken = []
+    for number in taken:
+        signal.signal(number, end)
+    try:
+        yield
+    finally:
+        for number in taken:
+            signal.signal(number, signal.SIG_DFL)
 
 
 class StopSignal:

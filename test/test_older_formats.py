@@ -86,7 +86,7 @@ def test_an_old_run_that_was_killed_is_finished(tmp_path):
     killed = shutil.copytree(OLD / "killed", tmp_path / "killed")
     run = read_run(*locate(killed))
     assert run.digest == KILLED_DIGEST
-    assert run.findings[0].startswith("the run failed: its supervisor was killed; this is what")
+    assert run.findings[0].startswith("the run failed: its process was killed; this is what")
     info = read(killed)
     assert (info.status, info.digest) == (EndStatus.FAILED, KILLED_DIGEST)
     assert info.messages["/old/vehicle_2/accel"] == 7  # the last one was cut short

@@ -123,6 +123,8 @@ def standing_of(run: RecordedRun, recomputed: Recomputation | None = None) -> St
     digested = bool(run.digest_recorded)
     short = run.grid.samples < run.scenario.samples
     found: list[tuple[DataState, str]] = [*_unfinished(run)]
+    if run.altered_scenario:
+        found.append((DataState.ALTERED, run.altered_scenario))
     if digested and run.digest != run.digest_recorded:
         what = "the messages do not have the digest that was written when the run ended"
         found.append((DataState.CUT if short else DataState.ALTERED, what))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import errno
 import importlib
+import signal
 import sys
 from collections.abc import Sequence
 from types import ModuleType
@@ -14,6 +15,7 @@ from cacc_platoon import __version__
 from cacc_platoon.cli.console import give_up_output, open_standard_streams, say
 from cacc_platoon.cli.exit_codes import BAD_INPUT, FAILED, INTERRUPTED
 from cacc_platoon.errors import UserError, one_line
+from cacc_platoon.stop_signal import EndedError, ended_by
 
 VERBS = ("design", "run", "simulate", "report", "replay", "layout", "paper", "parameters", "doctor")
 _OF_A_PATH = (
@@ -33,11 +35,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     open_standard_streams()
     given = sys.argv[1:] if arguments is None else arguments
     try:
-        try:
+        with ended_by(signal.SIGTERM, signal.SIGHUP):
             options = _parser(_asked(given)).parse_args(given)
-            code: int = options.verb.run(options)
-        finally:
-            sys.stdout.flush()
+            try:
+                code: int = options.verb.run(options)
+            finally:
+                sys.stdout.flush()
     except UserError as error:
         say(str(error))
         return BAD_INPUT
@@ -46,6 +49,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return FAILED
     except OSError as error:
         return _of_the_system(error)
+    except EndedError as error:
+        say(f"stopped by {error.signal.name}")
+        return 128 + error.signal
     except KeyboardInterrupt:
         say("interrupted")
         return INTERRUPTED

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import random
+import re
 import socket
 from collections.abc import Iterator, Mapping
 
@@ -24,7 +25,7 @@ def check_domain(environment: Mapping[str, str]) -> None:
         When ROS_DOMAIN_ID is no such number.
     """
     text = environment.get("ROS_DOMAIN_ID", "").strip() or "0"
-    if not (text.isascii() and text.isdigit() and len(text) <= 6 and int(text) <= HIGHEST):
+    if not (re.fullmatch(r"0|[1-9][0-9]{0,2}", text) and int(text) <= HIGHEST):
         raise UserError(
             f"ROS_DOMAIN_ID = {text[:40]!r} is no DDS domain, a number from 0 to {HIGHEST}: nodes "
             "would have no ports. Set it to a number from 0 to 101, clear of other programs' ports."

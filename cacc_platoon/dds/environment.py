@@ -19,6 +19,9 @@ from cacc_platoon.errors import UserError
 
 RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 LOCALHOST = "LOCALHOST"
+RANGES = ("SUBNET", LOCALHOST, "OFF", "SYSTEM_DEFAULT")
+SKIP_WORKING_FOLDER = "SKIP_DEFAULT_XML_FILE"
+"""Fast DDS reads a profile from the working folder otherwise, whoever has put it there."""
 TRANSPORTS = "FASTDDS_BUILTIN_TRANSPORTS"
 PROFILE_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 FAST_DDS = ("", "rmw_fastrtps_cpp", "rmw_fastrtps_dynamic_cpp")
@@ -43,6 +46,8 @@ def set_up(environment: MutableMapping[str, str]) -> list[str]:
         When DDS cannot start in it.
     """
     check_domain(environment)
+    _check_range(environment)
+    environment[SKIP_WORKING_FOLDER] = "1"
     prefer_local(environment)
     if is_local(environment):
         _check_loopback()
@@ -115,6 +120,16 @@ def _arranged_by_us(environment: Mapping[str, str]) -> bool:
         and environment.get(TRANSPORTS, "") in ("", "DEFAULT", "UDPv4")
         and environment.get("RMW_IMPLEMENTATION", "") in FAST_DDS
     )
+
+
+def _check_range(environment: Mapping[str, str]) -> None:
+    """Refuse a range that there is not: one that is misspelt must not open a platoon."""
+    given = environment.get(RANGE, "")
+    if given and given.upper() not in RANGES:
+        raise UserError(
+            f"{RANGE} = {given[:40]!r} is none of {', '.join(RANGES)}: who could reach the nodes "
+            "would be anybody's guess. Correct it, or leave it out to stay on this machine."
+        )
 
 
 def _check_loopback() -> None:

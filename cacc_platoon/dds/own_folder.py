@@ -88,8 +88,8 @@ def _usable(folder: Path) -> Path:
     UnusableFolderError
         When it is not; sudo, for instance, can leave HOME at that of another user.
     """
-    above = next(parent for parent in folder.parents if parent.exists())
     try:
+        above = next(parent for parent in folder.parents if parent.exists())
         if above.stat().st_uid != os.getuid():
             raise UnusableFolderError(f"{above} belongs to another user")
         if above != folder.parent:

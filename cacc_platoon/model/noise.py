@@ -39,7 +39,7 @@ def expected_factor(rho: float, bit_probabilities: Sequence[float]) -> float:
 
 def factor_variance(rho: float, bit_probabilities: Sequence[float]) -> float:
     """Return Var[w] = (1/rho^2) sum_j p_j (1 - p_j) / 4^j."""
-    return sum(p * (1.0 - p) * 4.0**-j for j, p in enumerate(bit_probabilities)) / rho**2
+    return sum(p * (1.0 - p) * 4.0**-j for j, p in enumerate(bit_probabilities)) / rho / rho
 
 
 class BitNoise:

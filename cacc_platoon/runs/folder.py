@@ -50,7 +50,7 @@ _HELD: weakref.WeakValueDictionary[Path, RunFolder] = weakref.WeakValueDictionar
 class RunFolder:
     """One run on disk: scenario.yaml, run.json, parts/ while it runs, then bag/.
 
-    The process that fills it holds it, by a lock on scenario.yaml that goes with the process. So
+    The process that fills it holds it, by a lock on the folder that goes with the process. So
     anybody can tell a run that goes on from one whose process is gone, however that came about.
 
     Parameters
@@ -107,10 +107,10 @@ class RunFolder:
         if self.path.absolute() in _HELD:
             return True
         with contextlib.suppress(OSError):  # where there are no locks, nobody is known to hold it
-            file = os.open(self.path / SCENARIO_FILE, os.O_RDWR | os.O_CLOEXEC)
-            weakref.finalize(self, os.close, file)
+            folder = os.open(self.path, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+            weakref.finalize(self, os.close, folder)
             try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
                 return False
             _HELD[self.path.absolute()] = self
@@ -167,7 +167,12 @@ class RunFolder:
             depth=queue_depth(scenario.run.window, scenario.platoon.followers),
             scenario_topic=PlatoonTopics(prefix).scenario,
             scenario_text=format_scenario(scenario),
-            custom_data={"digest": digest, "cacc_platoon": __version__},
+            custom_data={
+                "digest": digest,
+                "cacc_platoon": __version__,
+                "status": str(info.status),
+                "message": info.message,
+            },
             progress=progress,
         )
         info = dataclasses.replace(

@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import os
+import time
+from datetime import datetime
 from pathlib import Path
 
 from cacc_platoon.bags.raw import BagError
 from cacc_platoon.runs.folder import BAG, PARTS, SCENARIO_FILE, RunFolder
 from cacc_platoon.runs.info import INFO_FILE, EndStatus, InfoError, RunInfo
 
-KILLED = "its supervisor was killed; this is what had been recorded"
+KILLED = "its process was killed"
+COPIED = "this is a copy that was made while it went on"
+SALVAGED = "this is what had been recorded"
+_TICKS = os.sysconf("SC_CLK_TCK")
 ENDED = {
     EndStatus.RUNNING: "goes on",
     EndStatus.FINISHED: "finished",
@@ -64,7 +70,7 @@ def _salvage(folder: RunFolder) -> None:
     """Make the bag of a run whose process did not come to it."""
     if not folder.hold():
         raise BagError(f"{folder.path}: {_going_on(folder)}. Wait until it has ended.")
-    info = _last_word(folder)
+    info, unfinished = _last_word(folder)
     try:
         recording = folder.recording()
         scenario = folder.scenario()
@@ -74,6 +80,8 @@ def _salvage(folder: RunFolder) -> None:
         ) from error
     if not any(len(record.messages) for record in recording.values()):
         raise nothing_recorded(folder.path, info)
+    if unfinished:
+        info = dataclasses.replace(info, message=f"{info.message}; {SALVAGED}")
     try:
         folder.finish(scenario, recording, info)
     except OSError as error:
@@ -94,17 +102,33 @@ def _going_on(folder: RunFolder) -> str:
     return f"process {info.pid} is at it, since {info.began}"
 
 
-def _last_word(folder: RunFolder) -> RunInfo:
-    """Return how a run ended whose process is gone, as far as that can be known."""
+def _last_word(folder: RunFolder) -> tuple[RunInfo, bool]:
+    """Return how a run ended whose process is gone, and whether nobody had said so before."""
     try:
         info = RunInfo.read(folder.path)
     except InfoError:
         info = None
     if info is None:
-        return RunInfo(EndStatus.FAILED, KILLED)
+        return RunInfo(EndStatus.FAILED, KILLED), True
     if info.status is not EndStatus.RUNNING:
-        return info.with_bag()
-    info = dataclasses.replace(info, status=EndStatus.FAILED, message=KILLED)
+        return info.with_bag(), False
+    if _lives(info):
+        info = dataclasses.replace(info, status=EndStatus.INTERRUPTED, message=COPIED)
+    else:
+        info = dataclasses.replace(info, status=EndStatus.FAILED, message=KILLED)
     with contextlib.suppress(OSError):  # where nothing can be written, the answer is still true
         info.write(folder.path)
-    return info
+    return info, True
+
+
+def _lives(info: RunInfo) -> bool:
+    """Return whether the process of a run lives: one that was there when the run began."""
+    process = Path(f"/proc/{info.pid}")
+    try:
+        began = datetime.fromisoformat(info.began).timestamp()
+        ours = b"platoon" in (process / "cmdline").read_bytes()
+        ticks = int((process / "stat").read_text().rpartition(")")[2].split()[19])
+    except (OSError, ValueError):
+        return False
+    up = time.clock_gettime(time.CLOCK_BOOTTIME)
+    return ours and time.time() - up + ticks / _TICKS <= began + 1.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -22,6 +23,7 @@ from cacc_platoon.runs.find_platoons import FoundPlatoon, find_platoons
 from cacc_platoon.runs.info import INFO_FILE, EndStatus, InfoError, RunInfo
 from cacc_platoon.runs.locate import how_it_ended, nothing_recorded
 from cacc_platoon.runs.recorded_scenario import (
+    altered_scenario,
     cut_to_samples,
     fit_to_topics,
     recorded_scenario,
@@ -59,7 +61,9 @@ class RecordedRun:
     messages : int
         Messages of the platoon.
     info : RunInfo or None
-        What run.json says; None for a bag without a run folder, or a damaged one.
+        What run.json says, or else the bag of a run that did not end well; None where neither does.
+    altered_scenario : str
+        That the bag's copies of its scenario differ, empty when they do not.
     faults : tuple of str
         Those of the findings that are about the platoon's messages.
     """
@@ -74,6 +78,7 @@ class RecordedRun:
     messages: int
     info: RunInfo | None
     faults: tuple[str, ...] = ()
+    altered_scenario: str = ""
 
 
 def read_run(
@@ -106,7 +111,7 @@ def read_run(
         When there is no platoon in the bag, or nothing says what its parameters are.
     """
     raw = read_bag(bag, progress)
-    info = _read_info(folder, raw)
+    info = _read_info(folder, raw) or _info_in_bag(raw)
     notes = [*_unfinished(info), *raw.damage]
     empty = not any(found.messages for found in find_platoons(raw.topics))
     if folder and info and _unfinished(info) and empty:
@@ -116,6 +121,8 @@ def read_run(
     before = len(notes)
     samples = _read_samples(raw, graph, scenario.step_ns, notes)
     faults = notes[before:]
+    altered = altered_scenario(raw, graph.prefix)
+    notes += filter(None, [altered])
     found = run_digest(_Rows(raw, graph), graph)
     recorded = (info.digest if info else "") or one_line(raw.custom_data.get("digest", ""), _DIGEST)
     notes += _another_digest(found, recorded)
@@ -131,6 +138,7 @@ def read_run(
         samples.messages,
         info,
         tuple(one_line(fault) for fault in faults),
+        altered,
     )
 
 
@@ -174,6 +182,15 @@ def _read_info(folder: Path | None, raw: RawBag) -> RunInfo | None:
     except InfoError:
         raw.damage.append(f"{INFO_FILE} is damaged and left out")
         return None
+
+
+def _info_in_bag(raw: RawBag) -> RunInfo | None:
+    """Return what the bag itself says of a run that did not end well."""
+    with contextlib.suppress(ValueError):
+        status = EndStatus(raw.custom_data.get("status", ""))
+        if status is not EndStatus.FINISHED:
+            return RunInfo(status, one_line(raw.custom_data.get("message", "")))
+    return None
 
 
 def identify(

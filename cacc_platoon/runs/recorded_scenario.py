@@ -26,19 +26,17 @@ def recorded_scenario(
     raw: RawBag, prefix: str | None, folder: Path | None, notes: list[str]
 ) -> Scenario | None:
     """Return the scenario that the bag, its metadata or its folder carries, the first readable."""
-    texts: list[tuple[str, str]] = []
-    for name, parts in raw.topics.items():
-        if name.endswith("/scenario") and (
-            prefix is None or name == PlatoonTopics(prefix).scenario
-        ):
-            messages = (data for part in parts for data in part.messages())
-            texts += [(name, decode_string(data)) for data in islice(messages, _MOST_TEXTS)]
+    names = [name for name in raw.topics if name.endswith("/scenario")]
+    prefixes = [name.removesuffix("/scenario") for name in names] if prefix is None else [prefix]
+    texts = [(PlatoonTopics(one).scenario, text) for one in prefixes for text in _texts(raw, one)]
     if "scenario" in raw.custom_data:
         texts.append(("metadata.yaml: scenario", raw.custom_data["scenario"]))
     file = folder / SCENARIO_FILE if folder else None
     if file and file.is_file():
         with contextlib.suppress(TextError):
             texts.append((str(file), read_text(file)))
+            if texts[0][1] != texts[-1][1]:
+                notes.append(f"{SCENARIO_FILE} is not the scenario in the bag, which is judged")
     for source, text in texts:
         scenario_version(text, f"{raw.path}: {source}")
         try:
@@ -49,6 +47,25 @@ def recorded_scenario(
         name = folder.resolve().name if folder else raw.path.resolve().name
         return dataclasses.replace(scenario, name=scenario_name(text) or name)
     return None
+
+
+def _texts(raw: RawBag, prefix: str) -> list[str]:
+    """Return the texts on a platoon's latched topic; of the right sort there is one."""
+    parts = raw.topics.get(PlatoonTopics(prefix).scenario, [])
+    messages = (data for part in parts for data in part.messages())
+    return [decode_string(data) for data in islice(messages, _MOST_TEXTS)]
+
+
+def altered_scenario(raw: RawBag, prefix: str) -> str:
+    """Say so where a bag's copies of its scenario differ; no digest covers them."""
+    described = raw.custom_data.get("scenario")
+    published = _texts(raw, prefix)
+    if described is None or not published or published[0] == described:
+        return ""
+    return (
+        "the scenario in the bag is not the one that metadata.yaml has: one of them was altered, "
+        "and which numbers the platoon had is not known"
+    )
 
 
 def fit_to_topics(

@@ -177,6 +177,8 @@ class Belief:
             return f"runs {unknown[0]}, which is none of the nodes that are started manually"
         if not self._manual:
             return "this run has not started it, and no node is started manually"
+        if not nodes and state.host != RECORDER_HOST:
+            return "runs no node of the platoon"
         for other in known.values():
             if other.host != state.host and (shared := {*nodes} & {*other.nodes}):
                 return f"runs {min(shared)}, and so does host {other.host}"

@@ -4,6 +4,7 @@ import dataclasses
 import json
 import math
 import re
+import shutil
 
 import numpy as np
 import pytest
@@ -11,6 +12,8 @@ import pytest
 from cacc_platoon.analysis import DataState, analyse, check_consistency, check_leader, check_links
 from cacc_platoon.analysis.consistency import TOLERANCE
 from cacc_platoon.bags.digest import run_digest
+from cacc_platoon.runs.folder import RunFolder
+from cacc_platoon.runs.info import EndStatus, RunInfo
 from cacc_platoon.simulation import Arrivals, simulate
 from msg_adapters.topics import Graph
 
@@ -167,6 +170,30 @@ def test_a_run_that_did_not_finish(run_folder, status, state, headline):
     assert report.standing.line.endswith(": SIGINT")
     assert report.verdict.certified
     assert not report.proven
+
+
+def test_the_bag_of_a_run_that_failed_says_so_by_itself(bags, tmp_path, scenario, recording):
+    failed = RunFolder.create(tmp_path / "failed", scenario)
+    info = RunInfo(EndStatus.FAILED, "vehicle_2 stopped")
+    failed.finish(scenario, recording, info)
+    shutil.move(failed.bag, tmp_path / "alone")
+    report = analyse(tmp_path / "alone", runs=0)
+    assert (report.standing.state, report.proven) == (DataState.FAILED, False)
+    assert report.standing.line == "the run failed: vehicle_2 stopped"
+
+
+def test_copies_of_the_scenario_that_differ_are_told(bags, tmp_path, scenario):
+    folder = bags.run(tmp_path / "run", scenario).path
+    text = (folder / "scenario.yaml").read_text()
+    (folder / "scenario.yaml").write_text(text.replace("tau_max: 0.5", "tau_max: 0.3"))
+    report = analyse(folder, runs=0)
+    assert report.proven
+    assert "scenario.yaml is not the scenario in the bag, which is judged" in report.run.findings
+    (storage,) = (folder / "bag").glob("*.mcap")
+    storage.write_bytes(storage.read_bytes().replace(b"tau_max: 0.5", b"tau_max: 0.3"))
+    report = analyse(folder, runs=0)
+    assert report.standing.state is DataState.ALTERED
+    assert "not the one that metadata.yaml has" in report.standing.line
 
 
 @pytest.mark.parametrize("custom", [{}, {"digest": "0" * 64}], ids=["without digest", "with"])

@@ -17,6 +17,7 @@ from cacc_platoon.dds.environment import (
 from cacc_platoon.errors import UserError
 
 RANGE, TRANSPORTS = environment.RANGE, environment.TRANSPORTS
+SKIP = environment.SKIP_WORKING_FOLDER
 PROFILE = environment.PROFILE_VARIABLES[0]
 NAMESPACE = "{http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles}"
 
@@ -72,8 +73,14 @@ def test_without_shared_memory_it_is_udp(tmp_path: Path, monkeypatch: pytest.Mon
     assert line.startswith("/dev/shm has nothing free, DDS needs 32 MiB there: nodes use UDP")
     assert made[PROFILE] == str(LOOPBACK_UDP)
     assert set_up(opened) == [line]
-    assert opened == {RANGE: "SUBNET", PROFILE: str(OPEN), TRANSPORTS: "UDPv4"}
+    assert opened == {RANGE: "SUBNET", PROFILE: str(OPEN), TRANSPORTS: "UDPv4", SKIP: "1"}
     assert set_up({PROFILE: "mine.xml"}) == []
+
+
+@pytest.mark.parametrize("given", ["SUBNETT", "subnet ", "ALL", "LOCALHOST\n"])
+def test_a_range_that_is_misspelt_opens_nothing(given: str) -> None:
+    with pytest.raises(UserError, match=r"ROS_AUTOMATIC_DISCOVERY_RANGE = .* is none of SUBNET,"):
+        set_up({RANGE: given})
 
 
 def test_peers_without_effect_are_told() -> None:

@@ -85,6 +85,16 @@ def test_nothing_is_made_in_the_home_of_another_user(
     assert not (other / "cacc_platoon").exists()
 
 
+@pytest.mark.parametrize("name", ["x" * 300, "file/below"])
+def test_where_no_folder_can_be_is_one_line(
+    base: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    (base / "file").write_text("")
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(base / name / "run"))
+    assert own_folders() == []
+    assert "cannot be used (" in unusable_folder()
+
+
 def test_no_home_at_all_is_one_line(base: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("XDG_RUNTIME_DIR", "XDG_CACHE_HOME", "HOME"):
         monkeypatch.delenv(name)

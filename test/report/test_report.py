@@ -222,10 +222,10 @@ def test_killed_run_is_finished_first(tmp_path, scenario, capsys):
     metrics = json.loads(capsys.readouterr().out)
     info = json.loads((folder.path / "run.json").read_text())
     assert info["status"] == "failed"
-    assert info["message"] == "its supervisor was killed; this is what had been recorded"
+    assert info["message"] == "its process was killed; this is what had been recorded"
     assert metrics["provenance"]["samples"] == 199
     assert metrics["findings"] == [
-        "the run failed: its supervisor was killed; this is what had been recorded",
+        "the run failed: its process was killed; this is what had been recorded",
         "the run has 199 samples (1.98 s) of the scenario's 301 (3 s)",
     ]
     assert not folder.parts.exists()

@@ -112,8 +112,50 @@ def test_a_folder_in_use_is_left_alone_and_one_out_of_use_is_finished(tmp_path: 
     assert (path / "parts").is_dir()
     locate(path)
     info = said(RunFolder(path))
-    assert info.message == "its supervisor was killed; this is what had been recorded"
+    assert info.message == "its process was killed; this is what had been recorded"
     assert (info.status, len(info.digest)) == (EndStatus.FAILED, 64)
+
+
+def test_an_edited_scenario_frees_no_folder_that_is_in_use(tmp_path: Path) -> None:
+    folder = recorded(tmp_path / "run")
+    file = folder.path / "scenario.yaml"
+    file.write_text(file.read_text().replace("a", "a"))
+    shutil.copy(file, tmp_path / "edited")
+    (tmp_path / "edited").replace(file)
+    script = "import sys; from cacc_platoon.cli import main; sys.exit(main())"
+    done = subprocess.run(
+        [sys.executable, "-c", script, "report", str(folder.path)], capture_output=True, check=False
+    )
+    assert done.returncode == 2
+    assert b"is at it, since 2" in done.stderr
+    assert folder.parts.is_dir()
+
+
+def test_a_copy_of_a_run_that_goes_on_is_called_one(tmp_path: Path) -> None:
+    script = f"""
+import sys
+from pathlib import Path
+sys.path.insert(0, {str(Path(__file__).parent)!r})
+from test_folder import recorded
+folder = recorded(Path(sys.argv[1]))
+print("platoon", flush=True)
+sys.stdin.read()
+"""
+    path, copy, later = (tmp_path / name for name in ("run", "copy", "later"))
+    with subprocess.Popen(
+        [sys.executable, "-c", script, str(path)], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    ) as process:
+        assert process.stdout
+        assert process.stdout.readline() == b"platoon\n"
+        for target in (copy, later):
+            shutil.copytree(path, target)
+        locate(copy)
+        process.kill()
+    info = said(RunFolder(copy))
+    assert info.status is EndStatus.INTERRUPTED
+    assert info.message.startswith("this is a copy that was made while it went on; ")
+    locate(later)
+    assert said(RunFolder(later)).message.startswith("its process was killed; ")
 
 
 def test_a_run_that_ended_while_its_bag_was_written_ends_as_it_did(tmp_path: Path) -> None:

@@ -57,6 +57,7 @@ def test_who_was_started_and_who_is_waited_for_is_believed() -> None:
 @pytest.mark.parametrize(
     ("changes", "why"),
     [
+        ({"nodes": ()}, "runs no node of the platoon"),
         ({"nodes": ("vehicle_1/vehicle",)}, "runs vehicle_1/vehicle, which is none of the nodes"),
         ({"nodes": ("vehicle_9/vehicle",)}, "runs vehicle_9/vehicle, which is none of the nodes"),
         ({"records": (*TOPICS, "/platoon/vehicle_0/pose")}, "says that it records /platoon/vehi"),
