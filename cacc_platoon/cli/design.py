@@ -138,6 +138,12 @@ def _question(args: argparse.Namespace) -> Question:
             raise DesignError(
                 f"{flag} {value} is not a finite number: nothing can be computed. Give a number."
             )
+    for flag, value, low, high in (("rho", rho, 0.0, 1e15), ("tau-max", args.tau_max, 1e-6, 1e6)):
+        if 0.0 < value < low or value > high:
+            raise DesignError(
+                f"--{flag} {value:g} is not from {low:g} to {high:g}: its squares are no numbers "
+                "to compute with. Give one in between."
+            )
     requirements = Requirements(
         period=args.period,
         latency=args.latency,

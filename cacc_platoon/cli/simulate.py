@@ -70,8 +70,8 @@ def simulate_run(scenario: Scenario, path: Path, progress: ProgressLine | None =
     from cacc_platoon.runs.recording import recording_of  # noqa: PLC0415
     from cacc_platoon.simulation import simulate  # noqa: PLC0415
 
-    folder = RunFolder.create(path, scenario)
     begun = time.monotonic()
+    folder = RunFolder.create(path, scenario)
     try:
         trajectory = simulate(scenario, progress=_named("simulating", progress))
         wall = time.monotonic() - begun

@@ -96,9 +96,11 @@ class RunFolder:
             folder.begun = _begun(scenario)
             folder.begun.write(path)
             (path / SCENARIO_FILE).write_text(format_scenario(scenario), encoding="utf-8")
-        except OSError as error:
+        except BaseException as error:
             shutil.rmtree(path, ignore_errors=True)
-            raise _unwritable(path, error) from error
+            if isinstance(error, OSError):
+                raise _unwritable(path, error) from error
+            raise
         folder.hold()
         return folder
 

@@ -111,6 +111,14 @@ def test_a_given_design_is_written_at_any_period(tmp_path, period):
     assert scenario.run.duration >= 200
 
 
+@pytest.mark.parametrize("lag", ["1e-300", "1e300"])
+def test_a_lag_that_nothing_can_be_computed_with_is_named(lag):
+    with pytest.raises(
+        DesignError, match=rf"--tau-max {float(lag):g} is not from 1e-06 to".replace("+", r"\+")
+    ):
+        platoon_design(f"--rho 5 --tau-max {lag}")
+
+
 def test_pictures_are_saved(tmp_path, capsys):
     assert platoon_design(f"--rho 5 --tau-max 0.5 {CASE_A} --plot {tmp_path}") == 0
     assert "12 pictures" in capsys.readouterr().err
@@ -131,6 +139,7 @@ def test_explanation_puts_numbers_into_the_formulas(capsys):
     [
         "--rho 1",
         "--rho nan",
+        "--rho 1e308",
         "--rho inf",
         "--snr-db 0",
         "--rho 5 --k-a 0.9",

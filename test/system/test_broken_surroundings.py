@@ -1,14 +1,18 @@
 """Commands whose output is closed or full, whose paths are none, whose middleware is absent."""
 
+import contextlib
 import json
 import os
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
 
 PAPER_A = str(Path(__file__).parents[2] / "config" / "paper_a.yaml")
+LISTENING = ("env", "--default-signal=INT,TERM,HUP")  # what a job in the background ignores
 SHORT = ("--set", "run.duration=0.5", "--set", "platoon.followers=2")
 
 
@@ -66,6 +70,40 @@ def test_a_middleware_that_is_absent(tmp_path: Path, variable: str) -> None:
     findings = json.loads(done.stdout)
     assert "rmw_absent_cpp is not installed here" in findings["rclpy"]["text"]
     assert not findings["DDS"]["ok"]
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
+def test_a_simulation_that_is_ended_leaves_nothing(tmp_path: Path, number: signal.Signals) -> None:
+    command = [sys.executable, "-m", "cacc_platoon", "simulate", PAPER_A, "-o", str(tmp_path / "s")]
+    with subprocess.Popen([*LISTENING, *command], stderr=subprocess.PIPE) as process:
+        deadline = time.monotonic() + 60
+        while not (tmp_path / "s" / "run.json").exists():
+            assert time.monotonic() < deadline
+        process.send_signal(number)
+        assert process.wait(60) == 128 + number
+        assert process.stderr
+        said = process.stderr.read().splitlines()
+    assert said[-1] in (b"platoon: interrupted", f"platoon: stopped by {number.name}".encode())
+    assert not (tmp_path / "s").exists()
+
+
+@pytest.mark.parametrize("seconds", [0.02, 0.05, 0.1, 0.2, 0.4, 0.8])
+def test_an_early_ctrl_c_is_no_traceback(tmp_path: Path, seconds: float) -> None:
+    """Once Python runs our code."""
+    entry = "import sys; print('begun', flush=True); from cacc_platoon.__main__ import main"
+    entry += "; sys.exit(main())"
+    command = [sys.executable, "-c", entry, "run", PAPER_A, *SHORT, "-o", str(tmp_path / "run")]
+    with subprocess.Popen(
+        [*LISTENING, *command], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as process:
+        assert process.stdout
+        assert process.stdout.readline() == b"begun\n"
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(seconds)
+        process.send_signal(signal.SIGINT)
+        _, said = process.communicate(timeout=60)
+    assert process.returncode in (-signal.SIGINT, 130), said
+    assert b"Traceback" not in said
 
 
 @pytest.mark.parametrize("path", ["/dev/null", "x" * 5000, "pipe", "a\x1b[31m\nb"])

@@ -7,6 +7,7 @@ look at the sockets of the platoon alone, and print that.
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import signal
 import socket
@@ -276,6 +277,13 @@ def test_with_little_shared_memory_nodes_use_udp(boot, start, tmp_path: Path, me
     assert all(line.startswith("platoon: warning: /dev/shm has ") for line in lines)
 
 
+PLANTED = """<?xml version="1.0" encoding="UTF-8"?>
+<dds xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles"><log>
+<use_default>FALSE</use_default><consumer><class>FileConsumer</class>
+<property><name>filename</name><value>{victim}</value></property>
+<property><name>append</name><value>FALSE</value></property>
+</consumer></log></dds>
+"""
 PLATOON = (sys.executable, "-m", "cacc_platoon", "run", str(PAPER_A))
 LEADER = (
     *(sys.executable, "-c", "from cacc_platoon.supervision.entry_points import *; exit(leader())"),
@@ -308,6 +316,20 @@ def test_where_ros_cannot_start_nothing_is_started(
         (line,) = done.stderr.splitlines()
         assert line.removeprefix("platoon: ").startswith(words)
         assert not list(tmp_path.iterdir())
+
+
+def test_a_profile_in_the_working_folder_is_not_read(tmp_path: Path) -> None:
+    """Anybody may have put it there, in /tmp for instance, and it could empty any file of ours."""
+    victim = tmp_path / "victim"
+    victim.write_text("precious")
+    (tmp_path / "DEFAULT_FASTRTPS_PROFILES.xml").write_text(PLANTED.format(victim=victim))
+    command = [sys.executable, "-m", "cacc_platoon", "doctor", "--json"]
+    environment = {k: v for k, v in os.environ.items() if k != "SKIP_DEFAULT_XML_FILE"}
+    done = subprocess.run(
+        command, cwd=tmp_path, env=environment, capture_output=True, timeout=PATIENCE, check=False
+    )
+    assert json.loads(done.stdout)["DDS"]["ok"]
+    assert victim.read_text() == "precious"
 
 
 def test_a_host_killed_in_its_first_moments_leaves_nothing(
