@@ -125,35 +125,37 @@ class SupervisorNode(Node):  # type: ignore[misc]
         allowed : mapping of str to frozenset of str
             The nodes that may publish each topic, one publisher each.
         """
-        foreign, harmless, settled = [], [], True
+        foreign, harmless = [], []
         if holder := self.lock.taken_by():
             foreign.append(f"{self._prefix} is a platoon in this domain already: {holder}")
-        for topic in sorted(allowed):
+        publishers = {topic: self.get_publishers_info_by_topic(topic) for topic in sorted(allowed)}
+        ours = frozenset(
+            _participant(info)
+            for topic, infos in publishers.items()
+            for info in infos
+            if _name(info) in allowed[topic]
+        )
+        nameless = [
+            info for infos in publishers.values() for info in infos if _is_nameless(info, ours)
+        ]
+        strangers = self._stay_nameless(nameless)
+        for topic, infos in publishers.items():
             deaf: list[TopicEndpointInfo] = []
             heard: list[TopicEndpointInfo] = []
-            for info in self.get_publishers_info_by_topic(topic):
+            for info in infos:
                 mute = _name(info) not in allowed[topic] and not self._can_be_heard(info, topic)
                 (deaf if mute else heard).append(info)
-            settled &= all(info.node_name != UNKNOWN for info in heard)
-            if self._with_foreign(heard, allowed[topic]):
+            if _with_foreign(heard, allowed[topic], strangers):
                 foreign.append(f"{topic} {_published_by(heard, allowed[topic])}")
             harmless += [f"{topic}: {_name(info)} publishes {_unheard(info)}" for info in deaf]
-        return GraphObserved(tuple(foreign), tuple(harmless), settled)
+        return GraphObserved(tuple(foreign), tuple(harmless), not nameless)
 
-    def _with_foreign(self, infos: Sequence[TopicEndpointInfo], allowed: frozenset[str]) -> bool:
-        """Whether publishers are more than one of each node that is allowed."""
-        known = [_name(info) for info in infos if info.node_name != UNKNOWN]
-        strange = len({*known} & allowed) < len(known) or 0 < len(allowed) < len(infos)
-        return strange or any(self._stays_nameless(info) for info in infos)
-
-    def _stays_nameless(self, info: TopicEndpointInfo) -> bool:
-        """Whether the graph does not tell the node of a publisher, as of one that is none."""
-        gid = bytes(info.endpoint_gid)
-        if info.node_name != UNKNOWN:
-            self._nameless.pop(gid, None)
-            return False
+    def _stay_nameless(self, infos: Iterable[TopicEndpointInfo]) -> frozenset[bytes]:
+        """Return the publishers whose node the graph has not told for long, as of one without."""
         now = time.monotonic()
-        return now - self._nameless.setdefault(gid, now) > NAMELESS_LIMIT
+        gids = [bytes(info.endpoint_gid) for info in infos]
+        self._nameless = {gid: self._nameless.get(gid, now) for gid in gids}
+        return frozenset(gid for gid in gids if now - self._nameless[gid] > NAMELESS_LIMIT)
 
     def _can_be_heard(self, info: TopicEndpointInfo, topic: str) -> bool:
         """Whether a publisher has the type of a topic and a QoS that its subscribers take."""
@@ -197,6 +199,28 @@ class SupervisorNode(Node):  # type: ignore[misc]
             self.feed(refusal(self.topics.status, error))
         else:
             self.feed(RivalHeard(status.run, status.phase))
+
+
+def _with_foreign(
+    infos: Sequence[TopicEndpointInfo], allowed: frozenset[str], strangers: Collection[bytes]
+) -> bool:
+    """Whether publishers are more than one of each node that is allowed."""
+    known = [_name(info) for info in infos if info.node_name != UNKNOWN]
+    strange = len({*known} & allowed) < len(known) or 0 < len(allowed) < len(infos)
+    return strange or any(bytes(info.endpoint_gid) in strangers for info in infos)
+
+
+def _participant(info: TopicEndpointInfo) -> bytes:
+    """Return which participant of DDS, a process of ours or another one, an endpoint is of."""
+    return bytes(info.endpoint_gid)[:12]
+
+
+def _is_nameless(info: TopicEndpointInfo, ours: Collection[bytes]) -> bool:
+    """Whether nothing tells the node of a publisher: neither its name nor others of its process.
+
+    On a busy machine the graph may be late, for many seconds, with the last nodes of a process.
+    """
+    return bool(info.node_name == UNKNOWN) and _participant(info) not in ours
 
 
 def _name(info: TopicEndpointInfo) -> str:

@@ -38,7 +38,7 @@ def test_one_digest_for_nodes_and_simulation(
     settings = (*LOSSY, f"v2v.reception={reception}")
     result = platoon(*settings, hosts=hosts).result()
     assert result.exit_code == 0, result.errors
-    assert result.digest == simulated_digest(*settings)
+    assert result.digest == simulated_digest(*settings), result.message
 
 
 def test_the_bag_holds_what_arrived(platoon: Start) -> None:
@@ -75,7 +75,7 @@ def test_a_channel_and_a_law_by_name_run_on_nodes(
     run = platoon(*settings, hosts=2, environment={"PYTHONPATH": str(HERE)})
     result = run.result()
     assert result.exit_code == 0, result.errors
-    assert result.digest == simulated_digest(*settings)
+    assert result.digest == simulated_digest(*settings), result.message
     report = analyse(result.folder.path, runs=0)
     assert report.run.digest == result.digest
     assert [reason for reason in report.verdict.void if "own_parts" in reason] != []

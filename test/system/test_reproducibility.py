@@ -1,7 +1,6 @@
 """One scenario and seed, one digest: whatever the processes, the load or the order."""
 
 import hashlib
-import multiprocessing
 import random
 import subprocess
 import sys
@@ -52,7 +51,7 @@ def expected() -> str:
 def test_number_of_processes_does_not_matter(platoon: Start, expected: str, hosts: object) -> None:
     result = platoon(*SHORT, hosts=hosts).result()
     assert result.exit_code == 0, result.errors
-    assert result.digest == expected
+    assert result.digest == expected, result.message
     assert result.info
     assert len(result.info.hosts) == (25 if hosts == "per_node" else hosts)
 
@@ -65,23 +64,17 @@ def test_every_topic_has_every_sample(platoon: Start) -> None:
     assert result.info.messages == dict.fromkeys(topics, 2001)
 
 
-def burn(until: "multiprocessing.synchronize.Event") -> None:
-    while not until.is_set():
-        hashlib.sha256(b"x" * 100_000).digest()
-
-
 def test_load_does_not_matter(platoon: Start, expected: str) -> None:
-    context = multiprocessing.get_context("spawn")
-    enough = context.Event()
-    burners = [context.Process(target=burn, args=(enough,)) for _ in range(4)]
-    for burner in burners:
-        burner.start()
+    busy = "import hashlib\nwhile True: hashlib.sha256(b'x' * 100_000).digest()"
+    burners = [subprocess.Popen([sys.executable, "-c", busy]) for _ in range(4)]
     try:
-        assert platoon(*SHORT).result().digest == expected
+        result = platoon(*SHORT).result()
+        assert all(burner.poll() is None for burner in burners)
     finally:
-        enough.set()
         for burner in burners:
-            burner.join()
+            burner.kill()
+            burner.wait()
+    assert (result.status, result.digest) == ("finished", expected), result.message
 
 
 def test_frozen_nodes_are_waited_for(platoon: Start, expected: str) -> None:
@@ -104,13 +97,13 @@ def test_a_frozen_supervisor_is_waited_for(platoon: Start, expected: str) -> Non
 
 def test_garbage_on_the_heap_does_not_matter(platoon: Start, expected: str) -> None:
     result = platoon(*SHORT, environment={"MALLOC_PERTURB_": "165"}).result()
-    assert result.digest == expected
+    assert result.digest == expected, result.message
 
 
 def test_the_pace_does_not_matter(platoon: Start) -> None:
     settings = ("run.duration=4", "run.real_time_factor=2", "platoon.followers=3")
     result = platoon(*settings).result()
-    assert result.digest == simulated_digest(load_scenario(PAPER_A, settings))
+    assert result.digest == simulated_digest(load_scenario(PAPER_A, settings)), result.message
     assert result.info
     assert result.info.real_time_factor == pytest.approx(2.0, rel=0.1)
 
@@ -125,7 +118,7 @@ def test_nodes_started_manually_in_any_order(platoon: Start) -> None:
         run.wait_node(node)
     result = run.result()
     assert result.exit_code == 0, result.errors
-    assert result.digest == simulated_digest(load_scenario(PAPER_A, settings))
+    assert result.digest == simulated_digest(load_scenario(PAPER_A, settings)), result.message
 
 
 def test_manual_nodes_may_record_themselves(platoon: Start, tmp_path: Path) -> None:
@@ -134,7 +127,7 @@ def test_manual_nodes_may_record_themselves(platoon: Start, tmp_path: Path) -> N
     for node in run.scenario.node_names:
         run.start(node, parameters=[f"record:={tmp_path / 'parts'}"])
     result = run.result()
-    assert result.digest == simulated_digest(load_scenario(PAPER_A, settings))
+    assert result.digest == simulated_digest(load_scenario(PAPER_A, settings)), result.message
     assert result.info
     assert {host.name for host in result.info.hosts} == {
         node.replace("/", "_") for node in run.scenario.node_names
@@ -181,5 +174,5 @@ def test_an_outside_subscriber_sees_the_same_bits(platoon: Start, tmp_path: Path
             listener.wait(timeout=60)
         finally:
             listener.kill()
-    assert result.digest == simulated_digest(load_scenario(PAPER_A, settings))
+    assert result.digest == simulated_digest(load_scenario(PAPER_A, settings)), result.message
     assert digest.read_text() == result.digest

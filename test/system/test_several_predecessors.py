@@ -44,7 +44,7 @@ def test_one_digest_for_nodes_and_simulation(
     assert result.exit_code == 0, result.errors
     scenario = load_scenario(PAPER_A, settings)
     trajectory, graph = simulate(scenario), Graph.of(scenario)
-    assert result.digest == run_digest(recording_of(trajectory), graph)
+    assert result.digest == run_digest(recording_of(trajectory), graph), result.message
     with Reader(result.folder.bag) as reader:  # a second reader
         counts = {connection.topic: connection.msgcount for connection in reader.connections}
     for number, topics in enumerate(graph.links.values()):
