@@ -237,14 +237,14 @@ def test_whoever_insists_leaves_the_bag_for_later(platoon: Start) -> None:
 
 
 def test_a_run_killed_while_it_writes_the_bag_is_complete_after_a_report(platoon: Start) -> None:
-    run = platoon("run.duration=200", "platoon.followers=3", hosts=2)
+    run = platoon("run.duration=120", "platoon.followers=3", hosts=2)
     run.wait((run.folder.path / "run.json").is_file, 30, "run.json")
     run.wait(lambda: NO_BAG in said(run).message, 60, "the writing of the bag")
     run.kill("supervisor")
     run.wait_gone(timeout=10)
     assert report(run).returncode == 0
     assert (said(run).status, said(run).message) == (EndStatus.FINISHED, "")
-    assert set(said(run).messages.values()) == {20_001}
+    assert set(said(run).messages.values()) == {12_001}
 
 
 def test_a_failure_that_the_graph_shows_names_no_innocent_node(platoon: Start) -> None:

@@ -188,7 +188,7 @@ def test_hosts_that_are_told_that_the_run_is_over_say_so(platoon: Start) -> None
 def test_a_publisher_that_has_sent_nothing_yet_is_seen(
     platoon: Start, message_type: type, topic: str
 ) -> None:
-    run = platoon(*SMALL, "v2v.loss=0.1", hosts=2)
+    run = platoon(*SMALL, "run.duration=300", "v2v.loss=0.1", hosts=2)  # the graph may be late
     run.wait_sample(50)
     run.advertise(message_type, topic, qos.latched())
     assert_failed(run.result(), topic, "/observer", "Another platoon or publisher")
