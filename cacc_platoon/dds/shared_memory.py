@@ -192,7 +192,7 @@ def _born(since: float) -> set[str]:
     if not born:
         return set()
     time.sleep(max(0.0, min(MATURE, MATURE - (time.time() - max(born.values())))))
-    return born.keys() - _in_use()
+    return born.keys() - in_use()
 
 
 def _files() -> Iterator[tuple[str, float]]:
@@ -203,7 +203,7 @@ def _files() -> Iterator[tuple[str, float]]:
             yield path.name, found.st_mtime
 
 
-def _in_use() -> set[str]:
+def in_use() -> set[str]:
     """Return what the living have in their memory, as far as we may see."""
     used: set[str] = set()
     for process in Path("/proc").glob("[0-9]*"):

@@ -198,7 +198,9 @@ class Conductor:
             case PublishStatus():
                 self._publish_status()
             case ObserveGraph():
-                self.feed(self._node.look(self._machine.publishers(self.run)))
+                processes = [host.pid for host in self.run.hosts.values()]
+                processes += self.run.processes.values()
+                self.feed(self._node.look(self._machine.publishers(self.run), processes))
             case Warn(line):
                 _warn(line)
             case _:

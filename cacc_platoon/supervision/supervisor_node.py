@@ -117,13 +117,17 @@ class SupervisorNode(Node):  # type: ignore[misc]
         }
         return frozenset(host for host in hosts if counts.get(self.topics.recorded(host)))
 
-    def look(self, allowed: Mapping[str, frozenset[str]]) -> GraphObserved:
+    def look(
+        self, allowed: Mapping[str, frozenset[str]], processes: Collection[int] = ()
+    ) -> GraphObserved:
         """Return which publishers there are beyond those allowed, by full name of their node.
 
         Parameters
         ----------
         allowed : mapping of str to frozenset of str
             The nodes that may publish each topic, one publisher each.
+        processes : collection of int
+            The processes of the run's hosts.
         """
         foreign, harmless = [], []
         if holder := self.lock.taken_by():
@@ -135,8 +139,13 @@ class SupervisorNode(Node):  # type: ignore[misc]
             for info in infos
             if _name(info) in allowed[topic]
         )
+        machines = {participant[:4] for participant in ours}
+        started = {(one, pid & 0xFFFF) for one in machines for pid in processes}
         nameless = [
-            info for infos in publishers.values() for info in infos if _is_nameless(info, ours)
+            info
+            for infos in publishers.values()
+            for info in infos
+            if _is_nameless(info, ours) and _machine_and_process(info) not in started
         ]
         strangers = self._stay_nameless(nameless)
         for topic, infos in publishers.items():
@@ -213,6 +222,15 @@ def _with_foreign(
 def _participant(info: TopicEndpointInfo) -> bytes:
     """Return which participant of DDS, a process of ours or another one, an endpoint is of."""
     return bytes(info.endpoint_gid)[:12]
+
+
+def _machine_and_process(info: TopicEndpointInfo) -> tuple[bytes, int]:
+    """Return where Fast DDS says that an endpoint is: vendor and machine, the end of its number.
+
+    On a busy machine the graph may be late, for many seconds, with all nodes of a process.
+    """
+    participant = _participant(info)
+    return participant[:4], int.from_bytes(participant[4:6], "little")
 
 
 def _is_nameless(info: TopicEndpointInfo, ours: Collection[bytes]) -> bool:

@@ -4,19 +4,26 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
+from collections.abc import Collection
 
-from cacc_platoon.dds.shared_memory import SHARED_MEMORY
+from cacc_platoon.dds.shared_memory import SHARED_MEMORY, in_use
 
 
-def unowned_files() -> set[str]:
-    """Return the segments and ports of Fast DDS, whoever made them, that no process has locked."""
+def unowned_files(known: Collection[str] = ()) -> set[str]:
+    """Return the segments and ports of Fast DDS, whoever made them, that no process has locked.
+
+    To look, each is locked for a moment, in which nobody else can open it; not those that are
+    `known`, nor those that a process has in its memory.
+    """
     names = {
         file.name
         for file in SHARED_MEMORY.iterdir()
         if file.name.startswith(("fastrtps_", "fastdds_"))
     }
-    found = set()
+    found, passed_over = set(), {*known, *in_use()}
     for name in names:
+        if {name, name.removesuffix("_el")} & passed_over:
+            continue
         if name.endswith("_el") and ("_port" in name or name.removesuffix("_el") in names):
             continue
         lock = SHARED_MEMORY / f"{name}_el"

@@ -211,7 +211,7 @@ def wrong(fault: Fault) -> list[str]:
             found += _folder(fault, run.folder.path)
             found += [f"{path.name} was left behind" for path in temporary.iterdir()]
         deadline = time.monotonic() + 5.0
-        while (left := unowned_files() - before) and time.monotonic() < deadline:
+        while (left := unowned_files(before)) and time.monotonic() < deadline:
             threading.Event().wait(0.1)
     return [*found, *(f"{name} was left behind" for name in sorted(left))]
 

@@ -13,6 +13,7 @@ from cacc_platoon.nodes import qos
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.supervision.supervisor_node import NAMELESS_LIMIT, UNKNOWN, SupervisorNode
 
+STATUS = "/platoon/status"
 POSE, RECORDED = "/platoon/vehicle_1/pose", "/platoon/host_0/recorded"
 ALLOWED = {
     POSE: frozenset({"/platoon/vehicle_1/vehicle"}),
@@ -43,6 +44,24 @@ def publisher(node: str, participant: int, entity: int, kind: str) -> SimpleName
         topic_type=kind,
         qos_profile=profile,
     )
+
+
+@pytest.mark.parametrize("process", [0x12345, 0x54321])
+def test_a_whole_process_the_graph_is_late_with_is_known_by_its_number(
+    node: SupervisorNode, monkeypatch: pytest.MonkeyPatch, process: int
+) -> None:
+    status = publisher("/platoon/supervisor", 1, 1, "std_msgs/msg/String")
+    late = publisher("", 1, 2, "std_msgs/msg/Int64")
+    late.endpoint_gid = [1, 1, 1, 1, 0x45, 0x23, 9, 9, 0, 0, 0, 0, 0, 0, 2, 2]
+    seen = {STATUS: [status], RECORDED: [late]}
+    allowed = {STATUS: frozenset({"/platoon/supervisor"}), RECORDED: ALLOWED[RECORDED]}
+    now = 100.0
+    monkeypatch.setattr(node, "get_publishers_info_by_topic", lambda topic: seen[topic])
+    monkeypatch.setattr(time, "monotonic", lambda: now)
+    node.look(allowed, [process])
+    now += NAMELESS_LIMIT + 1.0
+    found = node.look(allowed, [process])
+    assert bool(found.foreign) is (process == 0x54321)
 
 
 @pytest.mark.parametrize(("participant", "foreign"), [(1, False), (2, True)])

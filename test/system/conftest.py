@@ -26,7 +26,7 @@ def nothing_left() -> Iterator[None]:
     before, pause = unowned_files(), threading.Event()
     yield
     deadline = time.monotonic() + PATIENCE
-    while left := unowned_files() - before:
+    while left := unowned_files(before):
         assert time.monotonic() < deadline, left
         pause.wait(0.2)
 

@@ -241,7 +241,7 @@ def test_counts_that_are_due_make_the_samples_from_there_on_doubtful(platoon: St
     for k in range(3, 2000):
         publish(stamp + k * run.scenario.step_ns, count + k - 2)
     result = run.result()
-    assert_failed(result, "v2v/complete", "another publisher")
+    assert_failed(result, "v2v/complete", "publisher")
     doubtful = result.message.partition(DOUBT)[2]
     good = int(doubtful.split()[0]) if doubtful else 100
     assert_good_before(run, result, good)

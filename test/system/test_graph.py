@@ -33,6 +33,9 @@ def test_what_is_subscribed_to_is_published(
         run.wait(lambda: node.count_publishers("/platoon/host_state") >= 1, 60, "the graph")
         run.wait(lambda: not silent_topics(node), 60, "a publisher for every subscription")
         complete = "/platoon/vehicle_2/v2v/complete"
+        if counted:
+            run.wait(lambda: node.count_subscribers(complete) > 0, 60, "the graph")
+            run.wait(lambda: node.count_publishers(complete) > 0, 60, "the graph")
         assert bool(node.count_subscribers(complete)) is counted
         assert bool(node.count_publishers(complete)) is counted
     finally:
