@@ -26,9 +26,15 @@ class EndedError(BaseException):
 
 @contextlib.contextmanager
 def ended_by(*signals: signal.Signals) -> Iterator[None]:
-    """Within, signals that would end the process raise `EndedError`, so that it can tidy up."""
+    """Within, signals that would end the process raise `EndedError`, so that it can tidy up.
+
+    Python drops what is raised in a finalizer or a weak reference's callback; such a signal ends
+    the process when the context does.
+    """
+    received: list[int] = []
 
     def end(number: int, _frame: object) -> None:
+        received.append(number)
         raise EndedError(number)
 
     before = {number: signal.getsignal(number) for number in signals}
@@ -39,6 +45,8 @@ def ended_by(*signals: signal.Signals) -> Iterator[None]:
         signal.signal(number, end)
     try:
         yield
+        if received:
+            raise EndedError(received[0])
     finally:
         for number in taken:
             signal.signal(number, signal.SIG_DFL)

