@@ -22,7 +22,7 @@ from cacc_platoon.theory.errors import DesignError
 from cacc_platoon.theory.explanation import explain_bounds, explain_design
 from cacc_platoon.theory.noise_interval import rho_from_snr_db
 
-_NOT_STRING_STABLE = 3
+_REQUIREMENT_MISSED = 3
 _DURATION = 200.0
 
 
@@ -36,7 +36,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--tau-max", "--tau0", type=float, required=True, help="largest actuation lag tau0 [s]"
     )
     question.add_argument("--period", type=float, default=0.01, help="control period [s] (0.01)")
-    question.add_argument("--latency", type=float, default=0.0, help="V2V latency [s] (0)")
+    question.add_argument(
+        "--latency", type=float, default=0.0, help="largest constant V2V latency [s] (0)"
+    )
+    question.add_argument("--reception", type=float, default=1.0, help="least packet reception (1)")
+    question.add_argument(
+        "--lost",
+        choices=("zero", "hold"),
+        default="zero",
+        help="what a lost packet counts as: zero, or the last one is held (zero)",
+    )
     design = parser.add_argument_group("a design; all four are certified, some are kept")
     design.add_argument(
         "--k-a", "--ka", type=float, help="gain on the communicated acceleration [-]"
@@ -47,7 +56,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     design.add_argument(
         "--k-effective", type=float, help="certify for this k_a E[w] at tau_max only, not the worst"
     )
-    limits = parser.add_argument_group("what recommended designs must keep to")
+    limits = parser.add_argument_group(
+        "what designs must keep to, together with period, latency and reception"
+    )
     limits.add_argument("--max-headway", type=float, help="longest headway [s] (2.5 tau_max)")
     limits.add_argument("--max-linf", type=float, help="largest L-infinity gain, >= 1")
     limits.add_argument("--max-time-constant", type=float, help="slowest mode allowed [s]")
@@ -58,7 +69,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     more.add_argument(
         "--predecessors", type=int, default=1, help="vehicles ahead that are received (1)"
     )
-    more.add_argument("--reception", type=float, default=1.0, help="least packet reception (1)")
     output = parser.add_argument_group("output")
     output.add_argument("--json", action="store_true", help="print one JSON object")
     output.add_argument("--explain", action="store_true", help="print formulas with their numbers")
@@ -71,7 +81,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="recommended design that --write and --plot take (balanced)",
     )
     output.add_argument(
-        "--check", action="store_true", help="exit code 3 when the design is not string stable"
+        "--check",
+        action="store_true",
+        help="exit code 3 when the given design misses anything asked for",
     )
 
 
@@ -97,14 +109,13 @@ def run(args: argparse.Namespace) -> int:
             question.rho,
             question.tau_max,
             k_effective=question.k_effective,
+            reception=question.reception,
             recommendation=found,
         )
         print(f"{len(files)} pictures in {args.plot}", file=sys.stderr)
     if args.write is not None:
         _write(args.write, question, _chosen(question, found, args.pick))
-    if args.check and "certificate" in data and not data["certificate"]["string_stable"]:
-        return _NOT_STRING_STABLE
-    return 0
+    return _REQUIREMENT_MISSED if args.check and data["unmet"] else 0
 
 
 def _check_output(args: argparse.Namespace) -> None:
@@ -147,6 +158,8 @@ def _question(args: argparse.Namespace) -> Question:
     requirements = Requirements(
         period=args.period,
         latency=args.latency,
+        reception=args.reception,
+        hold=args.lost == "hold",
         max_headway=args.max_headway,
         max_linf=args.max_linf,
         max_time_constant=args.max_time_constant,
@@ -169,7 +182,6 @@ def _question(args: argparse.Namespace) -> Question:
         k_effective=args.k_effective,
         noise=_noise(rho, bits, args.period),
         recommend=args.recommend or not complete,
-        reception=args.reception,
     )
     return question.for_predecessors(args.predecessors)
 
@@ -185,17 +197,25 @@ def _chosen(question: Question, found: Recommendation | None, name: str) -> Gain
     """Return the given design, else the recommended one of that name."""
     if question.gains is not None:
         return question.gains
-    return found[name].gains if found else paper_design(question.rho, question.tau_max)
+    if found is not None:
+        return found[name].gains
+    return paper_design(question.rho, question.tau_max, reception=question.reception)
 
 
 def _explanation(question: Question, found: Recommendation | None, name: str) -> list[str]:
     gains = _chosen(question, found, name)
     title = "the given design" if question.gains else f"the design named {name}"
     return [
-        *explain_bounds(question.rho, question.tau_max, question.k_a),
+        *explain_bounds(question.rho, question.tau_max, question.k_a, reception=question.reception),
         f"For {title}: " + ", ".join(f"{key} = {x:.6g}" for key, x in gains._asdict().items()),
-        *explain_design(gains, question.rho, question.tau_max),
+        *explain_design(gains, question.rho, question.tau_max, reception=question.reception),
     ]
+
+
+def _losses(ask: Requirements) -> dict[str, float | str]:
+    if ask.reception == 1.0:
+        return {}
+    return {"v2v.loss": 1.0 - ask.reception, "v2v.reception": "hold" if ask.hold else "zero"}
 
 
 def _write(path: Path, question: Question, gains: Gains) -> None:
@@ -207,6 +227,7 @@ def _write(path: Path, question: Question, gains: Gains) -> None:
             "vehicle.tau_max": question.tau_max,
             **{f"controller.{name}": value for name, value in gains._asdict().items()},
             "v2v.rho": question.rho,
+            **_losses(question.requirements),
             "run.step": step,
             "run.duration": round(math.ceil(_DURATION / step) * step, 9),
         },

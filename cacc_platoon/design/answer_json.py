@@ -12,7 +12,7 @@ from cacc_platoon.theory.region import Conservatism, ExactRegion
 from cacc_platoon.theory.several_predecessors import MultiPredecessorBounds
 from cacc_platoon.theory.theorem2 import PaperRegion
 
-FORMAT = Format("design --json", 1)
+FORMAT = Format("design --json", 2)
 
 
 def gains_document(gains: Gains) -> dict[str, Any]:
@@ -39,9 +39,14 @@ def certificate_document(certificate: Certificate) -> dict[str, Any]:
             "period": certificate.period,
             "string_stable": certificate.sampled_string_stable,
             "critical_period": certificate.critical_period,
-            "critical_period_stale_accel": certificate.critical_period_stale_accel,
         },
         "latency_margin": certificate.latency_margin,
+        "joint": {
+            "period": certificate.period,
+            "latency": certificate.latency,
+            "latency_margin": certificate.joint_latency_margin,
+            "critical_period": certificate.joint_critical_period,
+        },
         "mean_square_index": certificate.mean_square_index,
         "slowest_time_constant": certificate.slowest_time_constant,
         "leader_error_norm": certificate.leader_error_norm,
@@ -56,8 +61,8 @@ def design_document(design: Design, gains: Gains) -> dict[str, Any]:
         "name": design.name,
         "gains": gains_document(gains),
         "string_stable": certificate.string_stable,
-        "latency_margin": certificate.latency_margin,
-        "critical_period": certificate.critical_period_stale_accel,
+        "latency_margin": certificate.joint_latency_margin,
+        "critical_period": certificate.joint_critical_period,
         "linf_gain": certificate.linf_gain,
         "slowest_time_constant": certificate.slowest_time_constant,
         "reason": design.reason,

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from cacc_platoon.model.control import Gains
+from cacc_platoon.theory.joint_loop import joint_headroom
 from cacc_platoon.theory.latency import latency_headroom
 from cacc_platoon.theory.noise_interval import effective_interval
 from cacc_platoon.theory.region import exact_region, minimum_headway
@@ -25,7 +26,9 @@ if TYPE_CHECKING:
 __all__ = ["Candidates", "Estimates", "sample_region"]
 
 _LAGS = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
-_PERIOD_STEPS = 10
+_LATE_LAGS = np.array([0.3, 1.0])
+_DIP = np.array([0.8, 0.92, 0.98, 1.02, 1.08])
+_PERIOD_STEPS, _CHUNK = 4, 256
 
 
 class Candidates(NamedTuple):
@@ -57,6 +60,7 @@ def sample_region(
     *,
     rho: float,
     tau_max: float,
+    reception: float = 1.0,
 ) -> Candidates:
     """Lay a grid into the exact robust regions of all pairs of ``k_a`` and headway.
 
@@ -72,6 +76,8 @@ def sample_region(
         Where between its bounds ``k_v`` lies, 0 to 1.
     rho, tau_max : float
         SNR and largest lag [s].
+    reception : float, optional
+        Smallest packet reception probability, losses counted as zero.
 
     Returns
     -------
@@ -80,8 +86,10 @@ def sample_region(
     """
     columns: list[list[Float]] = [[], [], [], []]
     for gain in k_a:
-        for headway in headways[headways >= minimum_headway(gain, rho, tau_max)]:
-            region = exact_region(gain, float(headway), rho, tau_max)
+        for headway in headways[
+            headways >= minimum_headway(gain, rho, tau_max, reception=reception)
+        ]:
+            region = exact_region(gain, float(headway), rho, tau_max, reception=reception)
             inside = k_p[k_p >= region.k_p_min]
             low, high = region.bounds(inside)
             k_v = low + np.multiply.outer(fractions, high - low)
@@ -96,48 +104,97 @@ def sample_region(
     return candidates.pick((candidates.k_v > 0) & (candidates.k_p > 0))
 
 
+def _least(values: Float) -> Float:
+    """Minimum along the last axis, by a parabola through the least value and its neighbours."""
+    count = values.shape[-1]
+    at = np.clip(np.argmin(values, axis=-1), 1, count - 2)[..., np.newaxis]
+    left, least, right = (np.take_along_axis(values, at + i, -1)[..., 0] for i in (-1, 0, 1))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        below = (right - left) ** 2 / (8.0 * (left - 2.0 * least + right))
+    below = np.where(np.isfinite(below) & (below > 0), below, 0.0)
+    return np.asarray(np.maximum(values.min(axis=-1) - below, 0.0), dtype=np.float64)
+
+
 class Estimates(NamedTuple):
-    """Vectorised estimates for one SNR and largest lag."""
+    """Vectorised estimates for one SNR, largest lag and loss; see `Requirements`."""
 
     rho: float
     tau_max: float
+    reception: float = 1.0
+    held: float = 1.0
+
+    def _ends(self, c: Candidates) -> Float:
+        """Effective gains at both ends of I, shape (2, n)."""
+        interval = effective_interval(1.0, self.rho, reception=self.reception)
+        return np.asarray(np.multiply.outer(np.array(interval), c.k_a), dtype=np.float64)
+
+    def _frequencies(self, c: Candidates, count: int, highest: float | Float) -> Float:
+        """Lay frequencies up to where latency may matter, and to `highest`, shape (n, count)."""
+        h, v, p = (x[:, np.newaxis] for x in (c.time_headway, c.k_v, c.k_p))
+        low = 1e-2 * np.minimum(p / (v + h * p), np.sqrt(p))
+        spread = 1.0 - self._ends(c).max(axis=0) ** 2
+        high = 10.0 * (v + np.sqrt(p)) / spread[:, np.newaxis]
+        high = np.minimum(high, np.reshape(highest, (-1, 1)))
+        grid = low * (high / low) ** np.linspace(0.0, 1.0, count)
+        load = 2.0 * self.tau_max * (v + h * p) - 1.0
+        dips = np.sqrt(np.maximum(load + self._ends(c).T ** 2, 0.0) / 2.0) / self.tau_max
+        around = np.clip((dips[:, :, np.newaxis] * _DIP).reshape(len(c), -1), low, high)
+        return np.sort(np.concatenate((grid, around), axis=1), axis=1)
 
     def latency_margin(self, c: Candidates) -> Float:
-        """Latency margins [s], minimum over a coarse frequency grid."""
-        k = (
-            np.stack(effective_interval(1.0, self.rho))[:, np.newaxis, np.newaxis]
-            * c.k_a[:, np.newaxis]
-        )
+        """Latency margins [s] in continuous time, minimum over a coarse frequency grid."""
         h, v, p = (x[:, np.newaxis] for x in (c.time_headway, c.k_v, c.k_p))
-        damping = v + h * p
-        scale = np.minimum(p / damping, np.sqrt(p))
-        high = 10.0 * (v + np.sqrt(p)) / (1.0 - k.max(axis=0) ** 2)
-        omega = scale * 1e-2 * (high / (scale * 1e-2)) ** np.linspace(0.0, 1.0, 72)
-        lag = np.minimum(self.tau_max, damping / omega**2)
+        omega = self._frequencies(c, 48, np.inf)
+        lag = np.minimum(self.tau_max, (v + h * p) / omega**2)
+        k = self._ends(c)[:, :, np.newaxis]
         return np.asarray(
             latency_headroom(h, v, p, lag, k, omega=omega).min(axis=(0, 2)), dtype=np.float64
         )
 
-    def tolerates_period(self, c: Candidates, period: float | Float) -> NDArray[np.bool_]:
-        """Whether the sampled loop with a stale acceleration is string stable at `period`."""
-        lag = (self.tau_max * _LAGS)[:, np.newaxis]
-        result = np.ones(len(c), dtype=np.bool_)
-        for end in effective_interval(1.0, self.rho):
-            stable = sampled_stability_map(
-                c.time_headway, c.k_v, c.k_p, lag, end * c.k_a, period=period, stale=True
-            )
-            result &= stable.all(axis=0)
-        return result
+    def joint_latency_margin(self, c: Candidates, period: float | Float) -> Float:
+        """Latency margins [s] of the sampled loop; 0 where it is not stable without latency."""
+        periods = np.broadcast_to(np.asarray(period, dtype=float), len(c))
+        parts = [
+            self._joint_latency_margin(c.pick(part), periods[part])
+            for part in np.split(np.arange(len(c)), np.arange(_CHUNK, len(c), _CHUNK))
+        ]
+        return np.concatenate(parts)
 
-    def critical_period(self, c: Candidates, known: float) -> Float:
-        """Bisect for critical periods [s] between `known`, which all tolerate, and 2/gamma."""
-        low = np.full(len(c), known)
-        high = np.maximum(2.0 / (c.k_v + c.time_headway * c.k_p), low)
+    def _joint_latency_margin(self, c: Candidates, periods: Float) -> Float:
+        lag = (self.tau_max * _LAGS)[:, np.newaxis]
+        ends = self._ends(c)
+        stable = np.ones(len(c), dtype=np.bool_)
+        for k in ends:
+            stable &= sampled_stability_map(
+                c.time_headway, c.k_v, c.k_p, lag, k, period=periods, held=self.held
+            ).all(axis=0)
+        h, v, p = (x[:, np.newaxis] for x in (c.time_headway, c.k_v, c.k_p))
+        delay = joint_headroom(
+            h,
+            v,
+            p,
+            (self.tau_max * _LATE_LAGS)[:, np.newaxis, np.newaxis, np.newaxis],
+            ends[:, :, np.newaxis],
+            period=periods[:, np.newaxis],
+            omega=self._frequencies(c, 32, np.pi / periods),
+            held=self.held,
+        )
+        return np.where(stable, _least(delay).min(axis=(0, 1)), 0.0)
+
+    def critical_period(self, c: Candidates, margin: Float, latency: float, known: float) -> Float:
+        """Estimate critical periods [s] above `known`, at which the joint `margin` is given.
+
+        Tried first is the period at which the margin is used up if it falls as fast as the
+        period grows, then halves, on a scale of ratios, of what is left between.
+        """
+        low, high = np.full(len(c), known), 2.0 / (c.k_v + c.time_headway * c.k_p)
+        high = np.maximum(high, low)
+        trial = np.clip(0.5 * (margin - latency + known), low, 0.9 * high)
         for _ in range(_PERIOD_STEPS):
-            middle = np.sqrt(low * high)
-            good = self.tolerates_period(c, middle)
-            low, high = np.where(good, middle, low), np.where(good, high, middle)
-        return low
+            good = self.joint_latency_margin(c, trial) >= latency + trial
+            low, high = np.where(good, trial, low), np.where(good, high, trial)
+            trial = np.sqrt(low * high)
+        return trial
 
     def modes(self, c: Candidates) -> NDArray[np.complex128]:
         """Poles [1/s] at the largest lag, shape (n, 3)."""
@@ -169,8 +226,8 @@ class Estimates(NamedTuple):
         )
         worst = np.ones(len(c))
         offset = (c.time_headway * c.k_p)[:, np.newaxis]
-        for end in effective_interval(1.0, self.rho):
-            rest = (1.0 - end * c.k_a)[:, np.newaxis]
+        for k in self._ends(c):
+            rest = (1.0 - k)[:, np.newaxis]
             weights = ((self.tau_max * p + rest) * p + offset) / slope
             remainder = np.einsum("ij,ijk->ik", weights, waves).real
             variation = np.abs(np.diff(remainder, axis=1)).sum(axis=1)

@@ -20,15 +20,10 @@ from cacc_platoon.design.answer_json import (
 from cacc_platoon.design.recommend import recommend
 from cacc_platoon.design.requirements import Design, Recommendation, Requirements
 from cacc_platoon.model.control import Gains
-from cacc_platoon.theory.certificate import NoiseStatistics, certify
+from cacc_platoon.theory.certificate import NoiseStatistics
 from cacc_platoon.theory.explanation import explain_verdict
 from cacc_platoon.theory.noise_interval import effective_interval, k_a_max, snr_db_from_rho
-from cacc_platoon.theory.packet_loss import (
-    fallback_headway,
-    is_reception_string_stable,
-    reception_interval,
-    reception_minimum_headway,
-)
+from cacc_platoon.theory.packet_loss import fallback_headway
 from cacc_platoon.theory.region import (
     conservatism,
     exact_region,
@@ -58,7 +53,7 @@ class Question:
     requirements : Requirements
         Given gain and headway, period, latency and limits.
     k_v, k_p : float or None
-        With ``k_a`` and headway of the requirements they make a design to certify.
+        With ``k_a`` and headway of the requirements they make a design to certify for them.
     k_effective : float or None
         Certify for this effective gain at `tau_max` only.
     noise : NoiseStatistics
@@ -68,8 +63,6 @@ class Question:
     predecessors : int
         Number of predecessors received, 1 for the paper's platoon. Gains, headways and limits are
         those of the equivalent one-predecessor platoon, see `for_predecessors`.
-    reception : float
-        Smallest packet reception probability.
     """
 
     rho: float
@@ -81,7 +74,6 @@ class Question:
     noise: NoiseStatistics = dataclasses.field(default_factory=NoiseStatistics)
     recommend: bool = True
     predecessors: int = 1
-    reception: float = 1.0
 
     def for_predecessors(self, count: int) -> Question:
         """Restate a question on a platoon with `count` predecessors as its equivalent one.
@@ -108,16 +100,25 @@ class Question:
         )
 
     @property
+    def reception(self) -> float:
+        """Least reception that shrinks I."""
+        return self.requirements.counted_as_zero
+
+    @property
     def k_a(self) -> float:
         """Given feed-forward gain, else the paper's ``k_a*``."""
         given = self.requirements.k_a
-        return optimum(self.rho, self.tau_max).k_a if given is None else given
+        if given is not None:
+            return given
+        return optimum(self.rho, self.tau_max, reception=self.reception).k_a
 
     @property
     def time_headway(self) -> float:
         """Given headway [s], else 1 % above the paper's bound."""
         given = self.requirements.time_headway
-        return 1.01 * headway_bound(self.k_a, self.rho, self.tau_max) if given is None else given
+        if given is not None:
+            return given
+        return 1.01 * headway_bound(self.k_a, self.rho, self.tau_max, reception=self.reception)
 
     @property
     def gains(self) -> Gains | None:
@@ -136,7 +137,7 @@ def answer(question: Question) -> tuple[dict[str, Any], Recommendation | None]:
     dict
         Plain data; what is infinite or does not exist is None. Keys: ``format rho snr_db tau0 k_a
         k_a_max time_headway headway_bound optimal infimum_headway region exact_region
-        conservatism``, and where asked ``certificate verdict extensions recommended front``;
+        conservatism``, and where asked ``certificate verdict unmet extensions recommended front``;
         docs/formats/design.schema.json has them all.
     Recommendation or None
         The designs found.
@@ -156,19 +157,19 @@ def answer(question: Question) -> tuple[dict[str, Any], Recommendation | None]:
     ask = question.requirements
     gains = question.gains
     if gains is not None:
-        certificate = certify(
+        certificate = ask.certify(
             gains,
             question.rho,
             question.tau_max,
-            period=ask.period,
             noise=question.noise,
             k_effective=question.k_effective,
         )
         data["gains"] = gains_document(gains)
         data["certificate"] = certificate_document(certificate)
         data["verdict"] = explain_verdict(certificate)
-    if question.predecessors != 1 or question.reception != 1.0:
-        data["extensions"] = _extensions(question)
+        data["unmet"] = list(ask.unmet(certificate))
+    if question.predecessors != 1 or ask.reception != 1.0:
+        data["extensions"] = _extensions(question, data)
     found = recommend(question.rho, question.tau_max, ask) if question.recommend else None
     if found is not None:
         data["recommended"] = [_design_values(design, question) for design in found.designs]
@@ -177,11 +178,11 @@ def answer(question: Question) -> tuple[dict[str, Any], Recommendation | None]:
 
 
 def _bounds(question: Question) -> dict[str, Any]:
-    rho, tau_max, k_a = question.rho, question.tau_max, question.k_a
+    rho, tau_max, k_a, p = question.rho, question.tau_max, question.k_a, question.reception
     headway = question.time_headway
-    paper = paper_region(k_a, headway, rho, tau_max)
-    exact = exact_region(k_a, headway, rho, tau_max)
-    best = optimum(rho, tau_max)
+    paper = paper_region(k_a, headway, rho, tau_max, reception=p)
+    exact = exact_region(k_a, headway, rho, tau_max, reception=p)
+    best = optimum(rho, tau_max, reception=p)
     return {
         "format": FORMAT.version,
         "rho": rho,
@@ -190,21 +191,23 @@ def _bounds(question: Question) -> dict[str, Any]:
         "k_a": k_a,
         "k_a_max": k_a_max(rho),
         "time_headway": headway,
-        "effective_gain": list(effective_interval(k_a, rho)),
+        "effective_gain": list(effective_interval(k_a, rho, reception=p)),
         "headway_bound": {
-            "paper": headway_bound(k_a, rho, tau_max),
-            "exact": minimum_headway(k_a, rho, tau_max),
+            "paper": headway_bound(k_a, rho, tau_max, reception=p),
+            "exact": minimum_headway(k_a, rho, tau_max, reception=p),
         },
         "optimal": {"k_a": best.k_a, "headway": best.time_headway},
-        "infimum_headway": infimum_headway(rho, tau_max),
+        "infimum_headway": infimum_headway(rho, tau_max, reception=p),
         "fallback_headway": fallback_headway(tau_max),
         "region": region_document(paper),
         "exact_region": exact_region_document(exact),
-        "conservatism": conservatism_document(conservatism(k_a, headway, rho, tau_max)),
+        "conservatism": conservatism_document(
+            conservatism(k_a, headway, rho, tau_max, reception=p)
+        ),
     }
 
 
-def _extensions(question: Question) -> dict[str, Any]:
+def _extensions(question: Question, answered: dict[str, Any]) -> dict[str, Any]:
     rho, tau_max, k_a, gains = question.rho, question.tau_max, question.k_a, question.gains
     data: dict[str, Any] = {}
     if question.predecessors != 1:
@@ -213,16 +216,16 @@ def _extensions(question: Question) -> dict[str, Any]:
         data["predecessors"] = predecessors_document(r, k_a / r, bounds)
         if gains is not None:
             data["predecessors"]["gains"] = gains_document(multi_predecessor_gains(gains, r))
-    if question.reception != 1.0:
-        p = question.reception
+    ask = question.requirements
+    if ask.reception != 1.0:
         data["reception"] = {
-            "probability": p,
-            "effective_gain": list(reception_interval(k_a, rho, p)),
-            "minimum_headway": reception_minimum_headway(k_a, rho, tau_max, p),
+            "probability": ask.reception,
+            "lost": "hold" if ask.hold else "zero",
+            "effective_gain": answered["effective_gain"],
+            "minimum_headway": answered["headway_bound"]["exact"],
         }
-        if gains is not None:
-            stable = is_reception_string_stable(gains, rho, tau_max, p)
-            data["reception"]["string_stable"] = stable
+        if "certificate" in answered:
+            data["reception"]["string_stable"] = answered["certificate"]["string_stable"]
     return data
 
 

@@ -77,7 +77,7 @@ def recommend(
     ask.check(rho, tau_max)
     longest = ask.max_headway or ask.time_headway or _LONGEST * tau_max
     ask = replace(ask, max_headway=longest)
-    estimates = Estimates(rho, tau_max)
+    estimates = Estimates(rho, tau_max, ask.counted_as_zero, ask.held)
     grid = _first_grid(rho, tau_max, ask)
     feasible = _filter(grid, estimates, ask, explain=True)
     costs = _estimate_costs(feasible, estimates, ask)
@@ -99,15 +99,18 @@ def recommend(
 
 def _first_grid(rho: float, tau_max: float, ask: Requirements) -> Candidates:
     cap, longest = k_a_max(rho), ask.max_headway or _LONGEST * tau_max
-    gains = np.unique([*(cap * np.linspace(0.08, 0.95, 9)), optimum(rho, tau_max).k_a])
+    p = ask.counted_as_zero
+    gains = np.unique([*(cap * np.linspace(0.08, 0.95, 9)), optimum(rho, tau_max, reception=p).k_a])
     gains = gains if ask.k_a is None else np.array([ask.k_a])
-    shortest = minimum_headway(float(np.max(gains)), rho, tau_max)
+    shortest = minimum_headway(float(np.max(gains)), rho, tau_max, reception=p)
     headways = np.geomspace(min(1.002 * shortest, longest), longest, 14)
     if ask.time_headway is not None:
         headways = np.array([ask.time_headway])
     k_p = np.geomspace(3e-4, 10.0, 16) / tau_max**2
     fractions = np.array([0.03, 0.15, 0.3, 0.45, 0.6, 0.75, 0.9])
-    return sample_region(gains.tolist(), headways, k_p, fractions, rho=rho, tau_max=tau_max)
+    return sample_region(
+        gains.tolist(), headways, k_p, fractions, rho=rho, tau_max=tau_max, reception=p
+    )
 
 
 def _filter(
@@ -142,10 +145,11 @@ def _demands(
     """List each requirement: name, value, unit, and the upper limit on which measure it means."""
 
     def lost_period(c: Candidates) -> NDArray[np.float64]:
-        """Negative of the longest period among period, period/2, ... that a design tolerates."""
+        """Negative of the longest period among period, period/2, ... that a design bears."""
         period = _SAFETY * ask.period
         for _ in range(20):
-            good = estimates.tolerates_period(c, period)
+            margin = estimates.joint_latency_margin(c, period)
+            good = margin >= _SAFETY * (ask.latency + period)
             if good.any():
                 return np.where(good, -period, 0.0)
             period *= 0.5
@@ -170,11 +174,12 @@ def _latency_cost(estimates: Estimates) -> Callable[[Candidates], NDArray[np.flo
 
 
 def _estimate_costs(c: Candidates, estimates: Estimates, ask: Requirements) -> NDArray[np.float64]:
+    margin = estimates.joint_latency_margin(c, ask.period)
     return np.stack(
         [
             c.time_headway,
-            -estimates.latency_margin(c),
-            -estimates.critical_period(c, ask.period),
+            -margin,
+            -estimates.critical_period(c, margin, ask.latency, ask.period),
             estimates.linf_gain(c),
             estimates.slowest_time_constant(c),
         ],
@@ -195,7 +200,15 @@ def _refine_shortest(feasible: Candidates, estimates: Estimates, ask: Requiremen
         headways = best.time_headway * (1.0 - width * np.array([0.5, 0.3, 0.15, 0.05, 0.0]))
         k_p = best.k_p * np.geomspace(1.0 - 0.8 * width, 1.0 / (1.0 - 0.8 * width), 7)
         fractions = np.linspace(0.02, 0.98, 9)
-        near = sample_region(k_a.tolist(), headways, k_p, fractions, rho=rho, tau_max=tau_max)
+        near = sample_region(
+            k_a.tolist(),
+            headways,
+            k_p,
+            fractions,
+            rho=rho,
+            tau_max=tau_max,
+            reception=estimates.reception,
+        )
         near = _filter(near, estimates, ask)
         if len(near) and float(np.min(near.time_headway)) <= best.time_headway:
             best = near.gains(int(np.argmin(near.time_headway)))
@@ -211,15 +224,15 @@ def _named(
     shortest = front[int(np.argmin(costs[:, 0]))]
     tolerance = [
         min(
-            one.certificate.latency_margin / ask.latency_margin,
-            one.certificate.critical_period_stale_accel / ask.period,
+            one.certificate.joint_latency_margin / ask.latency_margin,
+            one.certificate.joint_critical_period / ask.period,
         )
         for one in front
     ]
     robust = front[int(np.argmax(tolerance))]
     balanced = front[int(np.argmin(np.max(costs, axis=1)))]
     paper = assess(
-        paper_design(rho, tau_max),
+        paper_design(rho, tau_max, reception=ask.counted_as_zero),
         rho,
         tau_max,
         ask,

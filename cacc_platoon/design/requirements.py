@@ -8,8 +8,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from cacc_platoon.model.control import Gains
-from cacc_platoon.theory.certificate import Certificate, certify
-from cacc_platoon.theory.errors import DesignError, require, require_positive, require_rho
+from cacc_platoon.theory.certificate import Certificate, NoiseStatistics, certify
+from cacc_platoon.theory.errors import (
+    DesignError,
+    require,
+    require_positive,
+    require_reception,
+    require_rho,
+)
 from cacc_platoon.theory.noise_interval import checked_interval
 from cacc_platoon.theory.region import infimum_headway, minimum_headway
 from cacc_platoon.theory.theorem2 import optimum, paper_region
@@ -19,15 +25,20 @@ __all__ = ["Design", "Recommendation", "Requirements", "assess", "paper_design"]
 
 @dataclass(frozen=True)
 class Requirements:
-    """What the user insists on; None leaves the choice to the designer.
+    """What the user insists on, all of it at once; None leaves the choice to the designer.
 
     Attributes
     ----------
     period : float
-        Control period [s]. The loop must be string stable at it with an acceleration one period
-        old.
+        Control period [s].
     latency : float
-        V2V latency [s]. The margin must cover it plus the one period a message may wait.
+        V2V latency [s]. The loop sampled at `period` must be string stable with an acceleration
+        that is older by one period, the time a message may wait.
+    reception : float
+        Smallest packet reception probability.
+    hold : bool
+        Whether the receiver holds the last packet, with just this reception; else a lost packet
+        counts as zero, and any reception from this to 1 is covered.
     max_headway : float or None
         Longest headway [s]; default ``2.5 tau_max``.
     max_linf : float or None
@@ -40,6 +51,8 @@ class Requirements:
 
     period: float = 0.01
     latency: float = 0.0
+    reception: float = 1.0
+    hold: bool = False
     max_headway: float | None = None
     max_linf: float | None = None
     max_time_constant: float | None = None
@@ -51,25 +64,64 @@ class Requirements:
         """Latency margin [s] that the requirements amount to."""
         return self.latency + self.period
 
+    @property
+    def counted_as_zero(self) -> float:
+        """Least reception that shrinks I; 1 where packets are held."""
+        return 1.0 if self.hold else self.reception
+
+    @property
+    def held(self) -> float:
+        """Reception of a receiver that holds, as `certify` takes it."""
+        return self.reception if self.hold else 1.0
+
+    def certify(
+        self,
+        gains: Gains,
+        rho: float,
+        tau_max: float,
+        *,
+        noise: NoiseStatistics | None = None,
+        k_effective: float | None = None,
+    ) -> Certificate:
+        """Certify a design for the period, latency and reception asked for."""
+        return certify(
+            gains,
+            rho,
+            tau_max,
+            period=self.period,
+            noise=noise,
+            reception=self.counted_as_zero,
+            k_effective=k_effective,
+            held=self.held,
+            latency=self.latency,
+        )
+
     def unmet(self, certificate: Certificate) -> tuple[str, ...]:
-        """Say which requirements a certified design misses.
+        """Say which requirements a design misses that `certify` has certified for them.
 
         Examples
         --------
         >>> from cacc_platoon.model.control import Gains
-        >>> from cacc_platoon.theory import certify
-        >>> Requirements(latency=0.1).unmet(certify(Gains(0.95, 0.5, 0.63, 0.009), 5.0, 0.5))
-        ('latency margin 0.08175 s is below 0.11 s = latency + period',)
+        >>> ask = Requirements(latency=0.07)
+        >>> ask.unmet(ask.certify(Gains(0.95, 0.5, 0.63, 0.009), 5.0, 0.5))[0]
+        'latency margin 0.07336 s at period 0.01 s is below 0.08 s = latency + period'
         """
-        missed = [] if certificate.string_stable else ["not robustly string stable"]
-        if certificate.latency_margin < self.latency_margin:
+        missed = []
+        if not certificate.string_stable:
+            missed.append("not robustly string stable" + self._losing())
+        margin = certificate.joint_latency_margin
+        if margin < self.latency_margin:
             missed.append(
-                f"latency margin {certificate.latency_margin:.4g} s is below "
-                f"{self.latency_margin:.4g} s = latency + period"
+                f"latency margin {margin:.4g} s at period {self.period:g} s{self._losing()} is "
+                f"below {self.latency_margin:.4g} s = latency + period"
             )
-        critical = certificate.critical_period_stale_accel
+        critical = certificate.joint_critical_period
         if critical <= self.period:
-            missed.append(f"critical period {critical:.4g} s is not above {self.period:.4g} s")
+            late = f" with a latency of {self.latency:g} s" if self.latency else ""
+            missed.append(
+                f"critical period {critical:.4g} s{late}{self._losing()} is not above "
+                f"{self.period:.4g} s"
+            )
         for value, limit, text, unit in (
             (certificate.gains.time_headway, self.max_headway, "headway", " s"),
             (certificate.linf_gain, self.max_linf, "L-infinity gain", ""),
@@ -83,6 +135,11 @@ class Requirements:
             if limit is not None and value > limit:
                 missed.append(f"{text} {value:.6g}{unit} is above {limit:.6g}{unit}")
         return tuple(missed)
+
+    def _losing(self) -> str:
+        if self.reception == 1.0:
+            return ""
+        return f" at reception {self.reception:g}" + (" with the last packet held" * self.hold)
 
     def check(self, rho: float, tau_max: float) -> None:
         """Refuse what no design can meet, before one is searched for.
@@ -99,6 +156,12 @@ class Requirements:
         )
         require_positive("tau_max", tau_max, "s")
         require_positive("period", self.period, "s")
+        require_reception(self.reception)
+        require(
+            self.reception > 0 or not self.hold,
+            "reception = 0 leaves nothing to hold: no design has V2V then. Give reception > 0, or "
+            "count lost packets as zero.",
+        )
         require(
             0 <= self.latency < math.inf,
             f"latency = {self.latency:g} s is not a finite, nonnegative time: no margin can cover "
@@ -116,11 +179,15 @@ class Requirements:
         self._check_headway(rho, tau_max)
 
     def _check_headway(self, rho: float, tau_max: float) -> None:
+        p = self.counted_as_zero
+        share = "" if p == 1.0 else f"{p:g} "
         if self.k_a is not None:
             checked_interval(self.k_a, rho)
-            limit, rule = minimum_headway(self.k_a, rho, tau_max), "2 tau_0/(1 + (1 - 1/rho) k_a)"
+            limit = minimum_headway(self.k_a, rho, tau_max, reception=p)
+            rule = f"2 tau_0/(1 + {share}(1 - 1/rho) k_a)"
         else:
-            limit, rule = infimum_headway(rho, tau_max), "tau_0 (1 + 1/rho)"
+            limit = infimum_headway(rho, tau_max, reception=p)
+            rule = f"2 tau_0/(1 + {share}m/M)" if share else "tau_0 (1 + 1/rho)"
         for name in ("max_headway", "time_headway"):
             value = getattr(self, name)
             require(
@@ -162,8 +229,8 @@ class Design:
         """Headway, -latency margin, -critical period, L-infinity gain, slowest mode."""
         return (
             self.gains.time_headway,
-            -self.certificate.latency_margin,
-            -self.certificate.critical_period_stale_accel,
+            -self.certificate.joint_latency_margin,
+            -self.certificate.joint_critical_period,
             self.certificate.linf_gain,
             self.certificate.slowest_time_constant,
         )
@@ -211,7 +278,7 @@ def assess(
     name: str = "",
     reason: str = "",
 ) -> Design:
-    """Certify a design at the period asked for, and say which requirements it misses.
+    """Certify a design for what is asked, and say which requirements it misses.
 
     Examples
     --------
@@ -219,11 +286,11 @@ def assess(
     ('headway 0.95 s is above 0.9 s',)
     """
     ask = requirements or Requirements()
-    certificate = certify(gains, rho, tau_max, period=ask.period)
+    certificate = ask.certify(gains, rho, tau_max)
     return Design(name, certificate, reason, ask.unmet(certificate))
 
 
-def paper_design(rho: float, tau_max: float) -> Gains:
+def paper_design(rho: float, tau_max: float, *, reception: float = 1.0) -> Gains:
     """Design at the centre of S for ``k_a*`` and a headway 1 % above ``h*``.
 
     Examples
@@ -232,8 +299,8 @@ def paper_design(rho: float, tau_max: float) -> Gains:
     >>> round(gains.time_headway, 4), round(gains.k_a, 4)
     (0.8814, 0.3183)
     """
-    best = optimum(rho, tau_max)
+    best = optimum(rho, tau_max, reception=reception)
     headway = 1.01 * best.time_headway
-    corners = paper_region(best.k_a, headway, rho, tau_max).polygon
+    corners = paper_region(best.k_a, headway, rho, tau_max, reception=reception).polygon
     k_p, k_v = np.mean(corners, axis=0).tolist()
     return Gains(headway, best.k_a, k_v, k_p)

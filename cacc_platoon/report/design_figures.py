@@ -37,6 +37,7 @@ def save_design_figures(
     tau_max: float,
     *,
     k_effective: float | None = None,
+    reception: float = 1.0,
     recommendation: Recommendation | None = None,
 ) -> list[Path]:
     """Draw and save every picture of a design question.
@@ -51,6 +52,8 @@ def save_design_figures(
         SNR and largest lag [s].
     k_effective : float, optional
         Effective gain of the nominal response.
+    reception : float, optional
+        Smallest packet reception probability, losses counted as zero.
     recommendation : Recommendation, optional
         Adds the Pareto front.
 
@@ -65,7 +68,7 @@ def save_design_figures(
         If the folder cannot be written or matplotlib is not installed.
     """
     pictures = [
-        *_stability_pictures(gains, rho, tau_max, k_effective),
+        *_stability_pictures(gains, rho, tau_max, k_effective, reception),
         *_headway_pictures(rho, tau_max),
         *_pareto_pictures(recommendation),
     ]
@@ -85,11 +88,12 @@ def save_design_figures(
 
 
 def _stability_pictures(
-    gains: Gains, rho: float, tau_max: float, k_effective: float | None
+    gains: Gains, rho: float, tau_max: float, k_effective: float | None, reception: float
 ) -> Iterator[Picture]:
-    paper = paper_region(gains.k_a, gains.time_headway, rho, tau_max)
-    exact = exact_region(gains.k_a, gains.time_headway, rho, tau_max)
-    band = response_band(gains, rho, tau_max, k_effective=k_effective)
+    question = (gains.k_a, gains.time_headway, rho, tau_max)
+    paper = paper_region(*question, reception=reception)
+    exact = exact_region(*question, reception=reception)
+    band = response_band(gains, rho, tau_max, k_effective=k_effective, reception=reception)
 
     def draw_regions(near: Axes, far: Axes) -> None:
         plot_regions(near, paper, exact, gains)

@@ -31,6 +31,8 @@ def render(data: dict[str, Any]) -> str:
     lines = _bound_lines(data)
     if "certificate" in data:
         lines += ["", *_certificate_lines(data)]
+        missed = data["unmet"]
+        lines += [f"Requirements {'; '.join(missed) if missed else 'all met'}"]
     if "extensions" in data:
         lines += ["", *_extension_lines(data["extensions"])]
     if "recommended" in data:
@@ -70,7 +72,9 @@ def _bound_lines(data: dict[str, Any]) -> list[str]:
 
 def _certificate_lines(data: dict[str, Any]) -> list[str]:
     c, gains = data["certificate"], data["gains"]
-    sampled = c["sampled"]
+    sampled, joint = c["sampled"], c["joint"]
+    late = f"{joint['latency']:g} s and " if joint["latency"] else ""
+    aged = f"with an acceleration {late}one period old"
     tolerated = c["gain_range"]
     names = ", ".join(f"{name} = {value:.6g}" for name, value in gains.items())
     return [
@@ -81,10 +85,11 @@ def _certificate_lines(data: dict[str, Any]) -> list[str]:
         f"  L2 gain {_number(c['l2_gain'])} at {_number(c['peak_frequency'])} rad/s, "
         f"L-infinity gain {_number(c['linf_gain'])}",
         f"  sampled at {sampled['period']:g} s: string stable {_yes(sampled['string_stable'])}; "
-        f"lost at {sampled['critical_period']:.4g} s, with the acceleration one step old at "
-        f"{sampled['critical_period_stale_accel']:.4g} s",
-        f"  V2V latency margin {_number(c['latency_margin'])} s, mean-square index "
-        f"{_number(c['mean_square_index'])} (bounded below 1)",
+        f"lost at {sampled['critical_period']:.4g} s",
+        f"  constant V2V latency margin {_number(c['latency_margin'])} s in continuous time, "
+        f"{_number(joint['latency_margin'])} s at period {joint['period']:g} s; {aged} the "
+        f"period is lost at {joint['critical_period']:.4g} s",
+        f"  mean-square index {_number(c['mean_square_index'])} (bounded below 1)",
         f"  slowest mode {_number(c['slowest_time_constant'])} s; tolerated k_a E[w] "
         + (f"{tolerated[0]:.6g} to {tolerated[1]:.6g}" if tolerated else "none"),
         f"  |delta_i(t)| <= {_number(c['leader_error_norm'])} ||a_0||_2 for every i"
@@ -111,9 +116,11 @@ def _extension_lines(data: dict[str, Any]) -> list[str]:
         )
     if "reception" in data:
         p = data["reception"]
+        held = "= {:g}, the last packet held" if p["lost"] == "hold" else ">= {:g}, lost is zero"
+        held = held.format(p["probability"])
         stable = f"; string stable {_yes(p['string_stable'])}" if "string_stable" in p else ""
         lines.append(
-            f"Reception    p >= {p['probability']:g}: k_a E[w] from {p['effective_gain'][0]:.6g}, "
+            f"Reception    p {held}: k_a E[w] from {p['effective_gain'][0]:.6g}, "
             f"exact headway >= {p['minimum_headway']:.6g} s{stable}"
         )
     return lines
@@ -129,7 +136,10 @@ def _recommendation_lines(designs: list[dict[str, Any]]) -> list[str]:
             for _, key in _TABLE
         )
         lines.append(f"{design['name']:12s}{row}")
-    lines.append("(latency, period: margins, the period with the acceleration one step old)")
+    lines.append(
+        "(latency, period: where the loop with all that is asked is lost, the period with an "
+        "acceleration one period older than the latency)"
+    )
     for design in designs:
         unmet = f". MISSES: {'; '.join(design['unmet'])}" if design["unmet"] else ""
         lines.append(f"  {design['name']}: {design['reason']}{unmet}")

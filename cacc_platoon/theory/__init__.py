@@ -27,6 +27,7 @@ from cacc_platoon.theory.explanation import (
     explain_verdict,
     rounded_down,
 )
+from cacc_platoon.theory.joint_loop import joint_critical_period, joint_latency_margin
 from cacc_platoon.theory.latency import headway_for_latency, latency_margin
 from cacc_platoon.theory.mean_square import (
     largest_variance,
@@ -131,6 +132,8 @@ __all__ = [
     "is_robustly_string_stable",
     "is_sampled_string_stable",
     "is_string_stable",
+    "joint_critical_period",
+    "joint_latency_margin",
     "k_a_max",
     "l2_gain",
     "largest_variance",

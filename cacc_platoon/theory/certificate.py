@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from cacc_platoon.theory.errors import require, require_positive, require_reception
 from cacc_platoon.theory.exact import L2Gain, is_string_stable, l2_gain, linf_gain
+from cacc_platoon.theory.joint_loop import joint_critical_period, joint_latency_margin
 from cacc_platoon.theory.latency import latency_margin
 from cacc_platoon.theory.mean_square import leader_error_norm, mean_square_index
 from cacc_platoon.theory.noise_interval import (
@@ -99,6 +100,8 @@ class Certificate:
         the loop without loss.
     k_effective : float or None
         The one effective gain at `tau_max` that is asked for instead of the worst case.
+    latency : float
+        V2V latency [s] of the joint loop.
     """
 
     gains: Gains
@@ -109,6 +112,7 @@ class Certificate:
     reception: float = 1.0
     k_effective: float | None = None
     held: float = 1.0
+    latency: float = 0.0
 
     def __post_init__(self) -> None:
         """Refuse a question that has no meaning; a design that fails is an answer."""
@@ -122,6 +126,11 @@ class Certificate:
                 f"{name} = {value:g} is not a finite, nonnegative number: the control law would "
                 f"push the wrong way. Give {name} >= 0.",
             )
+        require(
+            0 <= self.latency < math.inf,
+            f"latency = {self.latency:g} s is not a finite, nonnegative time: no margin can cover "
+            "it. Give the largest V2V latency in seconds.",
+        )
         _ = self.interval  # refuses rho and reception
         require_reception(self.held, "held")
 
@@ -208,7 +217,16 @@ class Certificate:
     @cached_property
     def critical_period(self) -> float:
         """Control period at which `sampled_string_stable` is first lost [s]."""
-        return self._critical_period(stale=False)
+        lost = self.held < 1.0 and not self.sampled_string_stable
+        return critical_period(
+            self.gains,
+            self.rho,
+            self.tau_max,
+            held=self.held,
+            reception=self.reception,
+            k_effective=self.k_effective,
+            lost_at=self.period if lost else math.inf,
+        )
 
     @cached_property
     def critical_loss(self) -> float:
@@ -224,25 +242,34 @@ class Certificate:
         )
 
     @cached_property
-    def critical_period_stale_accel(self) -> float:
-        """`critical_period` with an acceleration that is one period old [s]; not with `held`."""
-        return self._critical_period(stale=True)
-
-    def _critical_period(self, *, stale: bool) -> float:
-        return critical_period(
+    def joint_latency_margin(self) -> float:
+        """Largest V2V latency [s] of the loop sampled at `period`, with its losses."""
+        return joint_latency_margin(
             self.gains,
             self.rho,
             self.tau_max,
-            stale=stale,
+            self.period,
             held=self.held,
             reception=self.reception,
             k_effective=self.k_effective,
-            lost_at=self.period if self.held < 1.0 and not self.sampled_string_stable else math.inf,
+        )
+
+    @cached_property
+    def joint_critical_period(self) -> float:
+        """Control period [s] lost first with its losses and an age of `latency` and one period."""
+        return joint_critical_period(
+            self.gains,
+            self.rho,
+            self.tau_max,
+            latency=self.latency,
+            held=self.held,
+            reception=self.reception,
+            k_effective=self.k_effective,
         )
 
     @cached_property
     def latency_margin(self) -> float:
-        """Largest V2V latency [s]."""
+        """Largest V2V latency [s] of the loop in continuous time, held packets left aside."""
         return latency_margin(
             self.gains,
             self.rho,
@@ -297,6 +324,7 @@ def certify(
     reception: float = 1.0,
     k_effective: float | None = None,
     held: float = 1.0,
+    latency: float = 0.0,
 ) -> Certificate:
     """Certify one design.
 
@@ -319,6 +347,8 @@ def certify(
         Certify for this effective gain at `tau_max` only, instead of the worst case.
     held : float, optional
         Packet reception probability of a receiver that holds the last packet.
+    latency : float, optional
+        V2V latency [s] of the joint loop.
 
     Returns
     -------
@@ -339,4 +369,4 @@ def certify(
     (True, 0.0818)
     """
     noise = noise or NoiseStatistics(redraw_period=period)
-    return Certificate(gains, rho, tau_max, period, noise, reception, k_effective, held)
+    return Certificate(gains, rho, tau_max, period, noise, reception, k_effective, held, latency)

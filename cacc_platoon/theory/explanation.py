@@ -46,7 +46,7 @@ def rounded_down(value: float) -> str:
     return f"{math.floor(value / unit) * unit:.4g}"
 
 
-def explain_bounds(rho: float, tau_max: float, k_a: float) -> list[str]:
+def explain_bounds(rho: float, tau_max: float, k_a: float, *, reception: float = 1.0) -> list[str]:
     """Write out the bounds that do not need k_v and k_p.
 
     Examples
@@ -54,31 +54,39 @@ def explain_bounds(rho: float, tau_max: float, k_a: float) -> list[str]:
     >>> print(explain_bounds(5.0, 0.5, 0.5)[2])
     paper  h_lb = 2 tau_0 (1 - m k_a)/(1 - M^2 k_a^2) = 2*0.5*(1 - 0.4)/(1 - 0.36) = 0.9375 s
     """
-    m, M = effective_interval(1.0, rho)
-    low, high = effective_interval(k_a, rho)
-    best = optimum(rho, tau_max)
+    m, M = effective_interval(1.0, rho, reception=reception)
+    low, high = effective_interval(k_a, rho, reception=reception)
+    best = optimum(rho, tau_max, reception=reception)
     t = f"{tau_max:g}"
+    smallest, least = "1 - 1/rho", f"tau_0 (1 + 1/rho) = {t}*{M:.6g}"
+    if reception != 1.0:
+        smallest = f"{reception:g} (1 - 1/rho)"
+        least = f"2 tau_0/(1 + m/M) = 2*{t}/(1 + {m / M:.6g})"
     lines = [
-        f"noise  m = 1 - 1/rho = {m:.6g}, M = 1 + 1/rho = {M:.6g} at rho = {rho:.6g} "
+        f"noise  m = {smallest} = {m:.6g}, M = 1 + 1/rho = {M:.6g} at rho = {rho:.6g} "
         f"({snr_db_from_rho(rho):.4g} dB); k_a E[w] in [m k_a, M k_a] = [{low:.6g}, {high:.6g}]",
         f"cap    k_a < 1/M = {k_a_max(rho):.6g}, excluded (Theorem 2b)",
     ]
     if high < 1:
+        paper = headway_bound(k_a, rho, tau_max, reception=reception)
+        exact = minimum_headway(k_a, rho, tau_max, reception=reception)
         lines += [
             f"paper  h_lb = 2 tau_0 (1 - m k_a)/(1 - M^2 k_a^2) = 2*{t}*(1 - {low:.6g})/"
-            f"(1 - {high * high:.6g}) = {headway_bound(k_a, rho, tau_max):.6g} s",
+            f"(1 - {high * high:.6g}) = {paper:.6g} s",
             f"exact  minimum 2 tau_0/(1 + m k_a) = 2*{t}/(1 + {low:.6g}) = "
-            f"{minimum_headway(k_a, rho, tau_max):.6g} s, attained with k_p large enough",
+            f"{exact:.6g} s, attained with k_p large enough",
         ]
     return [
         *lines,
         f"best   k_a* = {best.k_a:.9g}, h* = {best.time_headway:.9g} s (Theorem 2c, excluded)",
-        f"limit  tau_0 (1 + 1/rho) = {t}*{M:.6g} = {infimum_headway(rho, tau_max):.6g} s over all "
+        f"limit  {least} = {infimum_headway(rho, tau_max, reception=reception):.6g} s over all "
         "k_a, not attained",
     ]
 
 
-def explain_design(gains: Gains, rho: float, tau_max: float) -> list[str]:
+def explain_design(
+    gains: Gains, rho: float, tau_max: float, *, reception: float = 1.0
+) -> list[str]:
     """Write out the paper's region and the exact test for one design.
 
     Examples
@@ -88,6 +96,7 @@ def explain_design(gains: Gains, rho: float, tau_max: float) -> list[str]:
     Routh  gamma = k_v + h_w k_p = 0.63855 > tau_0 k_p = 0.0045 and k_p > 0: internally stable
     """
     h, k_a, k_v, k_p = gains
+    interval = effective_interval(k_a, rho, reception=reception)
     stable = is_internally_stable(gains, tau_max)
     lines = [
         f"Routh  gamma = k_v + h_w k_p = {gamma(gains):.6g} {'>' if stable else 'not >'} "
@@ -95,9 +104,9 @@ def explain_design(gains: Gains, rho: float, tau_max: float) -> list[str]:
         f"{'internally stable' if stable else 'NOT internally stable'}"
     ]
     if k_a < k_a_max(rho):
-        region = paper_region(k_a, h, rho, tau_max)
+        region = paper_region(k_a, h, rho, tau_max, reception=reception)
         first, second = k_v / region.a1 + k_p / region.b1, k_v / region.a2 + k_p / region.b2
-        inside = in_paper_region(gains, rho, tau_max)
+        inside = in_paper_region(gains, rho, tau_max, reception=reception)
         lines += [
             f"paper  S1: k_v/a1 + k_p/b1 = {first:.6g} (must be <= 1), a1 = {region.a1:.6g}, "
             f"b1 = {region.b1:.6g}",
@@ -105,7 +114,7 @@ def explain_design(gains: Gains, rho: float, tau_max: float) -> list[str]:
             f"b2 = {region.b2:.6g}: {'in S' if inside else 'not in S'}"
             f"{'' if region.nonempty else ', which is empty (a1 <= a2)'}",
         ]
-    for name, k in zip(("m k_a", "M k_a"), effective_interval(k_a, rho), strict=True):
+    for name, k in zip(("m k_a", "M k_a"), interval, strict=True):
         B, C, margin = propagation_margins(gains, tau_max, k)
         good = is_string_stable(gains, tau_max, k)
         lines.append(

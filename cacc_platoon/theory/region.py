@@ -58,8 +58,10 @@ def minimum_headway(k_a: float, rho: float, tau_max: float, *, reception: float 
     return 2.0 * tau_max / (1.0 + checked_interval(k_a, rho, reception=reception).low)
 
 
-def infimum_headway(rho: float, tau_max: float) -> float:
+def infimum_headway(rho: float, tau_max: float, *, reception: float = 1.0) -> float:
     """Infimum of `minimum_headway` over ``k_a``, ``tau_0 (1 + 1/rho)`` [s], not attained.
+
+    With a `reception` ``p`` below one it is ``2 tau_0/(1 + p m/M)``.
 
     Examples
     --------
@@ -67,7 +69,8 @@ def infimum_headway(rho: float, tau_max: float) -> float:
     0.6
     """
     require_positive("tau_max", tau_max, "s")
-    return tau_max * effective_interval(1.0, rho).high
+    m, M = effective_interval(1.0, rho, reception=reception)
+    return tau_max * M if reception == 1.0 else 2.0 * tau_max * M / (M + m)
 
 
 class _End(NamedTuple):
@@ -242,7 +245,9 @@ class Conservatism(NamedTuple):
     area: float
 
 
-def conservatism(k_a: float, time_headway: float, rho: float, tau_max: float) -> Conservatism:
+def conservatism(
+    k_a: float, time_headway: float, rho: float, tau_max: float, *, reception: float = 1.0
+) -> Conservatism:
     """Compare the paper's bound and region with the exact ones.
 
     Examples
@@ -251,12 +256,13 @@ def conservatism(k_a: float, time_headway: float, rho: float, tau_max: float) ->
     >>> round(result.headway, 4), round(result.area, 3)
     (1.3125, 0.06)
     """
-    ratio = headway_bound(k_a, rho, tau_max) / minimum_headway(k_a, rho, tau_max)
-    paper = paper_region(k_a, time_headway, rho, tau_max)
+    shortest = minimum_headway(k_a, rho, tau_max, reception=reception)
+    ratio = headway_bound(k_a, rho, tau_max, reception=reception) / shortest
+    paper = paper_region(k_a, time_headway, rho, tau_max, reception=reception)
     if not paper.nonempty:
         return Conservatism(ratio, 0.0)
     k_p_limit = max(k_p for k_p, _ in paper.polygon)
-    whole = exact_region(k_a, time_headway, rho, tau_max).area(k_p_limit)
+    whole = exact_region(k_a, time_headway, rho, tau_max, reception=reception).area(k_p_limit)
     return Conservatism(ratio, paper.area / whole if whole > 0 else 0.0)
 
 

@@ -6,10 +6,10 @@ In the delta operator ``d = (z - 1)/T`` the hop is ``H_T = N_T(d)/D_T(d)``; as T
 
 .. math:: |D_T|^2 - |N_T|^2 = \mathrm{Re}\,(D_T - N_T)(D_T + N_T)^* = \eta\, q(\eta)
 
-with ``q`` of degree 2, or 3 when the communicated acceleration is one step old, or when a receiver
-holds the last packet, which arrives with probability ``p``: in the mean that filters it by
-``p/(1 - (1 - p)/z)``, and ``D_T``, ``N_T`` are multiplied by ``z - (1 - p)``. The hop is string
-stable iff ``q >= 0`` on ``(0, 4/T^2]`` and the roots of ``D_T`` are in the unit disc.
+with ``q`` of degree 2, or 3 when a receiver holds the last packet, which arrives with probability
+``p``: in the mean that filters it by ``p/(1 - (1 - p)/z)``, and ``D_T``, ``N_T`` are multiplied by
+``z - (1 - p)``. The hop is string stable iff ``q >= 0`` on ``(0, 4/T^2]`` and the roots of ``D_T``
+are in the unit disc.
 The worst ``k`` is an end of I, since ``|N_T|^2`` is convex in ``k``; the worst lag is searched on
 a grid over ``[0, tau_0]``: that part is numerical (docs/theory.md, section 6 (Sampling)).
 """
@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from cacc_platoon.theory.errors import DesignError, require_positive, require_reception
+from cacc_platoon.theory.errors import require_positive, require_reception
 from cacc_platoon.theory.exact import TOLERANCE
 from cacc_platoon.theory.noise_interval import effective_gains
 
@@ -34,8 +34,10 @@ if TYPE_CHECKING:
 
 __all__ = [
     "SampledHop",
+    "hold_integrals",
     "is_sampled_string_stable",
     "lags_to_try",
+    "longest_period",
     "margins_at",
     "require_held",
     "sampled_hop",
@@ -52,10 +54,10 @@ class SampledHop(NamedTuple):
     Attributes
     ----------
     numerator, denominator : tuple of ndarray
-        ``N_T`` and ``D_T``; a stale acceleration multiplies both by ``z`` except in its own term,
-        one that is held by ``z - (1 - p)`` except in its own term, and that by ``p z``.
+        ``N_T`` and ``D_T``; an acceleration that is held multiplies both by ``z - (1 - p)`` except
+        in its own term, and that by ``p z``.
     loop : tuple of ndarray
-        Monic characteristic polynomial of the vehicle's own loop, without that ``z``.
+        Monic characteristic polynomial of the vehicle's own loop.
     """
 
     numerator: tuple[Float, ...]
@@ -63,7 +65,7 @@ class SampledHop(NamedTuple):
     loop: tuple[Float, ...]
 
 
-def _hold_integrals(tau: Float, period: Float) -> tuple[Float, Float, Float]:
+def hold_integrals(tau: Float, period: Float) -> tuple[Float, Float, Float]:
     """Integrate a unit command held for one period: acceleration/T, velocity/T^2, position/T^3.
 
     With ``r = T/tau``: ``p1 = (1 - e^-r)/r``, ``p2 = (1 - p1)/r``, ``p3 = (1/2 - p2)/r``; the
@@ -86,22 +88,17 @@ def _hold_integrals(tau: Float, period: Float) -> tuple[Float, Float, Float]:
     return results[0], results[1], results[2]
 
 
-def require_held(held: ArrayLike, *, stale: bool) -> None:
-    """Refuse what is no probability, and one below 1 of an acceleration that is a period old.
+def require_held(held: ArrayLike) -> None:
+    """Refuse what is no probability.
 
     Raises
     ------
     DesignError
-        If it is one of these.
+        If a value is outside 0 to 1.
     """
     shares = np.asarray(held, dtype=float)
     least, most = float(shares.min()), float(shares.max())
     require_reception(most if least >= 0 else least, "held")
-    if stale and least < 1:
-        raise DesignError(
-            f"held = {least:g} is below 1 and the acceleration is stale: the loop that holds lost "
-            "packets is known for fresh ones only. Give held = 1, or leave stale out."
-        )
 
 
 def sampled_hop(
@@ -112,7 +109,6 @@ def sampled_hop(
     k_effective: ArrayLike,
     *,
     period: ArrayLike,
-    stale: bool = False,
     held: ArrayLike = 1.0,
 ) -> SampledHop:
     """Discretise one hop exactly; all arguments broadcast.
@@ -123,10 +119,8 @@ def sampled_hop(
         Headway [s], gains [1/s], [1/s^2], lag [s] (0 allowed) and effective gain.
     period : array_like
         Control period T [s].
-    stale : bool, optional
-        Whether the communicated acceleration is one period old.
     held : array_like, optional
-        Packet reception probability of a receiver that holds the last packet; not with `stale`.
+        Packet reception probability of a receiver that holds the last packet.
 
     Returns
     -------
@@ -136,7 +130,7 @@ def sampled_hop(
     Raises
     ------
     DesignError
-        If `held` is not a probability, or below one together with `stale`.
+        If `held` is not a probability.
 
     Examples
     --------
@@ -144,12 +138,12 @@ def sampled_hop(
     >>> [round(float(0.5 * c), 6) for c in hop.denominator]
     [0.009, 0.63855, 1.0, 0.5]
     """
-    require_held(held, stale=stale)
+    require_held(held)
     arguments = (time_headway, k_v, k_p, tau, k_effective, period, held)
     h, v, p, lag, k, T, share = np.broadcast_arrays(
         *(np.asarray(x, dtype=float) for x in arguments)
     )
-    a1, a2, a3 = _hold_integrals(lag, T)
+    a1, a2, a3 = hold_integrals(lag, T)
     half = a2 * T
     position = (a1, half * (2.0 - half) + a1 * a3 * T * T, a3 * T * T)
     feedback = [p * position[0], v * a1 + p * position[1], v * half + p * position[2]]
@@ -160,12 +154,11 @@ def sampled_hop(
         np.ones_like(a1),
     )
     zero = np.zeros_like(a1)
-    if not stale and (share == 1.0).all():
+    if (share == 1.0).all():
         return SampledHop((feedback[0], feedback[1], feedback[2] + k * a1, zero), loop, loop)
-    numerator = _times((*feedback, zero), share, T)  # z - 1 + share = share + T d; stale: z
+    numerator = _times((*feedback, zero), share, T)  # z - (1 - share) = share + T d
     numerator[2] = numerator[2] + share * k * a1
-    if not stale:
-        numerator[3] = numerator[3] + share * k * a1 * T
+    numerator[3] = numerator[3] + share * k * a1 * T
     return SampledHop((*numerator,), (*_times(loop, share, T),), loop)
 
 
@@ -216,7 +209,6 @@ def sampled_stability_map(
     k_effective: ArrayLike,
     *,
     period: ArrayLike,
-    stale: bool = False,
     held: ArrayLike = 1.0,
 ) -> NDArray[np.bool_]:
     """Exact sampled-data string stability over arrays that broadcast; see `sampled_hop`.
@@ -231,9 +223,7 @@ def sampled_stability_map(
     >>> sampled_stability_map(0.95, 0.63, 0.009, 0.5, 0.6, period=[0.01, 0.1]).tolist()
     [True, False]
     """
-    hop = sampled_hop(
-        time_headway, k_v, k_p, tau, k_effective, period=period, stale=stale, held=held
-    )
+    hop = sampled_hop(time_headway, k_v, k_p, tau, k_effective, period=period, held=held)
     return np.asarray(_margin(hop, period) >= -TOLERANCE, dtype=np.bool_)
 
 
@@ -264,11 +254,10 @@ def stable_at(
     lags: Float,
     periods: Float,
     *,
-    stale: bool,
     held: Float | float,
 ) -> NDArray[np.bool_]:
     """Say for each period, or each share `held`, whether all lags and ends of I are stable."""
-    margins = margins_at(gains, ends, lags, periods, stale=stale, held=held)
+    margins = margins_at(gains, ends, lags, periods, held=held)
     return np.asarray((margins >= -TOLERANCE).all(axis=1), dtype=np.bool_)
 
 
@@ -278,8 +267,7 @@ def margins_at(
     lags: Float,
     periods: Float,
     *,
-    stale: bool,
-    held: Float | float,
+    held: Float | float = 1.0,
 ) -> Float:
     """List for each period, or each share `held`, what must not be below ``-TOLERANCE``."""
     h, _, k_v, k_p = gains
@@ -291,7 +279,6 @@ def margins_at(
         lags[:, np.newaxis],
         np.asarray(ends),
         period=T,
-        stale=stale,
         held=np.reshape(held, (-1, 1, 1)),
     )
     margins = _margin(hop, T)
@@ -304,13 +291,17 @@ def lags_to_try(tau_max: float, k_effective: float | None) -> Float:
     return tau_max * _LAG_FRACTIONS if k_effective is None else np.array([tau_max])
 
 
+def longest_period(gains: Gains, tau_max: float) -> float:
+    """Period [s] that no sampled loop survives: without lag all are lost at ``T >= 2/gamma``."""
+    return 8.0 / (gains.k_v + gains.time_headway * gains.k_p) + 8.0 * tau_max
+
+
 def is_sampled_string_stable(
     gains: Gains,
     rho: float,
     tau_max: float,
     period: float,
     *,
-    stale: bool = False,
     held: float = 1.0,
     reception: float = 1.0,
     k_effective: float | None = None,
@@ -327,11 +318,9 @@ def is_sampled_string_stable(
         Largest actuation lag [s].
     period : float
         Control period T [s].
-    stale : bool, optional
-        Whether the communicated acceleration is one period old.
     held : float, optional
         Packet reception probability of a receiver that holds the last packet; 0 is a receiver
-        that never has one. Not below 1 together with `stale`.
+        that never has one.
     reception : float, optional
         Smallest packet reception probability, losses counted as zero.
     k_effective : float, optional
@@ -354,9 +343,9 @@ def is_sampled_string_stable(
     True
     """
     require_positive("period", period, "s")
-    require_held(held, stale=stale)
+    require_held(held)
     lags = lags_to_try(tau_max, k_effective)
     ends = effective_gains(gains.k_a, rho, reception=reception, k_effective=k_effective)
     return max(map(abs, ends)) <= 1 and bool(
-        stable_at(gains, ends, lags, np.array([period]), stale=stale, held=held)[0]
+        stable_at(gains, ends, lags, np.array([period]), held=held)[0]
     )

@@ -17,6 +17,7 @@ from cacc_platoon.theory.noise_interval import effective_gains
 from cacc_platoon.theory.sampled import (
     is_sampled_string_stable,
     lags_to_try,
+    longest_period,
     margins_at,
     require_held,
 )
@@ -39,7 +40,6 @@ def critical_period(
     rho: float,
     tau_max: float,
     *,
-    stale: bool = False,
     held: float = 1.0,
     reception: float = 1.0,
     k_effective: float | None = None,
@@ -47,11 +47,9 @@ def critical_period(
 ) -> float:
     """Period at which robust string stability is first lost [s]; 0 when no period keeps it.
 
-    No sampled loop without lag survives ``T >= 2/gamma``, which bounds the search.
-
     Parameters
     ----------
-    gains, rho, tau_max, stale, held, reception, k_effective
+    gains, rho, tau_max, held, reception, k_effective
         As in `is_sampled_string_stable`.
     lost_at : float, optional
         A period that is known not to keep it; what is returned is not above.
@@ -74,16 +72,15 @@ def critical_period(
     >>> round(critical_period(Gains(0.95, 0.5, 0.63, 0.009), 5.0, 0.5, held=0.5), 4)
     0.0444
     """
-    require_held(held, stale=stale)
+    require_held(held)
     lags = lags_to_try(tau_max, k_effective)
     ends = effective_gains(gains.k_a, rho, reception=reception, k_effective=k_effective)
     if not all(is_string_stable(gains, tau_max, k) for k in ends):
         return 0.0
-    longest = 8.0 / (gains.k_v + gains.time_headway * gains.k_p) + 8.0 * tau_max
-    longest, shortest = min(longest, lost_at), 1e-9 * tau_max
+    longest, shortest = min(longest_period(gains, tau_max), lost_at), 1e-9 * tau_max
 
     def margins(periods: Float) -> Float:
-        return margins_at(gains, ends, lags, periods, stale=stale, held=held)
+        return margins_at(gains, ends, lags, periods, held=held)
 
     within = (0.0, longest) if held == 1.0 else _enclosed(margins, shortest, longest)
     return _first_lost(margins, shortest, *within)
@@ -130,7 +127,7 @@ def critical_loss(
     most = lost_at / (1.0 - lost_at) if lost_at < 1.0 else _LONGEST_DELAY
 
     def margins(delays: Float) -> Float:
-        return margins_at(gains, ends, lags, at, stale=False, held=1.0 / (1.0 + delays))
+        return margins_at(gains, ends, lags, at, held=1.0 / (1.0 + delays))
 
     delay = _first_lost(margins, 1e-9, *_enclosed(margins, 1e-9, most))
     return lost_at if delay >= most else delay / (1.0 + delay)

@@ -107,8 +107,10 @@ def headway_bound(k_a: float, rho: float, tau_max: float, *, reception: float = 
     return 2.0 * tau_max * (1.0 - low) / ((1.0 - high) * (1.0 + high))
 
 
-def optimum(rho: float, tau_max: float) -> Optimum:
+def optimum(rho: float, tau_max: float, *, reception: float = 1.0) -> Optimum:
     """``k_a*`` and ``h*`` of Theorem 2(c); ``1`` and ``tau_0`` without noise.
+
+    With a `reception` below one, ``m`` shrinks by it: ``k_a* = p m/(M (M + sqrt(M^2 - p^2 m^2)))``.
 
     Examples
     --------
@@ -118,6 +120,10 @@ def optimum(rho: float, tau_max: float) -> Optimum:
     """
     require_rho(rho)
     require_positive("tau_max", tau_max, "s")
+    if reception != 1.0:
+        m, M = effective_interval(1.0, rho, reception=reception)
+        k_a = m / (M * (M + math.sqrt((M - m) * (M + m))))
+        return Optimum(k_a, headway_bound(k_a, rho, tau_max, reception=reception))
     root = 1.0 / math.sqrt(rho)
     span = 1.0 + 1.0 / rho
     return Optimum((1.0 - root) / (1.0 + root) / span, tau_max * (1.0 + root) ** 2 / span)

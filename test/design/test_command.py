@@ -2,6 +2,7 @@
 
 import argparse
 import contextlib
+import itertools
 import json
 import random
 import subprocess
@@ -22,6 +23,7 @@ from cacc_platoon.theory import (
     exact_region,
     explain_bounds,
     explain_design,
+    is_robustly_string_stable,
 )
 
 CASE_A = "--k-a 0.5 --time-headway 0.95 --k-v 0.63 --k-p 0.009"
@@ -45,10 +47,12 @@ def test_json_has_the_documented_keys(capsys):
     assert set(data["region"]) == {"a1", "b1", "a2", "b2", "polygon", "area", "nonempty"}
     certificate = data["certificate"]
     keys = "internally_stable in_paper_region string_stable l2_gain peak_frequency linf_gain "
-    keys += "sampled latency_margin mean_square_index slowest_time_constant"
+    keys += "sampled latency_margin joint mean_square_index slowest_time_constant"
     assert set(keys.split()) <= set(certificate)
-    sampled = "period string_stable critical_period critical_period_stale_accel"
-    assert set(certificate["sampled"]) == set(sampled.split())
+    assert set(certificate["sampled"]) == {"period", "string_stable", "critical_period"}
+    joint = {"period", "latency", "latency_margin", "critical_period"}
+    assert set(certificate["joint"]) == joint
+    assert data["unmet"] == []
     assert certificate["string_stable"] is True
     assert certificate["mean_square_index"] == pytest.approx(6.3e-5, rel=0.01)
     assert data["headway_bound"]["paper"] == pytest.approx(0.9375)
@@ -69,6 +73,52 @@ def test_check_tells_unstable_from_stable_designs(capsys):
     text = capsys.readouterr().out
     assert "time_headway = 0.65 s is below 0.714286 s = 2 tau_0/(1 + (1 - 1/rho) k_a)" in text
     assert "in the paper's region S" in text
+
+
+MISSED = {
+    "--latency 0.1": "latency margin",
+    "--period 0.2": "latency margin",
+    "--reception 0.9": "not robustly string stable at reception 0.9",
+    "--reception 0.05 --lost hold": "at reception 0.05",
+    "--max-headway 0.9": "headway 0.95 s",
+    "--max-linf 1": "L-infinity gain",
+    "--max-time-constant 10": "slowest time constant",
+}
+
+
+@pytest.mark.parametrize("asked", [*map(" ".join, itertools.combinations(MISSED, 2)), *MISSED])
+def test_check_asks_for_everything(asked, capsys):
+    assert platoon_design(f"--rho 5 --tau-max 0.5 {CASE_A} {asked} --check") == 3
+    text = capsys.readouterr().out
+    line = next(line for line in text.splitlines() if line.startswith("Requirements "))
+    for flags, words in MISSED.items():
+        assert words in line or flags not in asked or asked.count("--reception") == 2
+
+
+def test_check_passes_what_meets_everything(capsys):
+    asked = "--latency 0.02 --period 0.02 --max-headway 0.96 --max-linf 1.04"
+    assert platoon_design(f"--rho 5 --tau-max 0.5 {CASE_A} {asked} --check") == 0
+    assert (
+        platoon_design(f"--rho 5 --tau-max 0.5 {CASE_A} --reception 0.5 --lost hold --check") == 0
+    )
+    assert "Requirements all met" in capsys.readouterr().out
+
+
+def test_reception_is_in_bounds_search_explanation_and_scenario(tmp_path, capsys):
+    """2 tau_0/(1 + p m k_a) = 0.945903 s at the k_a* of p, and 2 tau_0/(1 + p m/M) = 0.75 s."""
+    path = tmp_path / "lossy.yaml"
+    question = f"--rho 5 --tau-max 0.5 --reception 0.5 --explain --write {path}"
+    assert platoon_design(question) == 0
+    text = capsys.readouterr().out
+    assert "exact >= 0.945903 s" in text
+    assert "infimum over all k_a 0.75 s" in text
+    assert "m = 0.5 (1 - 1/rho) = 0.4" in text
+    assert "MISSES" not in text
+    scenario = load_scenario(path)
+    assert (scenario.v2v.loss, scenario.v2v.reception) == (0.5, "zero")
+    gains = Gains(**{name: getattr(scenario.controller, name) for name in Gains._fields})
+    assert is_robustly_string_stable(gains, 5.0, 0.5, reception=0.5)
+    assert is_robustly_string_stable(gains, 5.0, 0.5)
 
 
 def test_one_effective_gain_may_pass_where_the_interval_fails(capsys):

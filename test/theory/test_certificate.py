@@ -20,6 +20,8 @@ from cacc_platoon.theory import (
     is_reception_string_stable,
     is_sampled_string_stable,
     is_string_stable,
+    joint_critical_period,
+    joint_latency_margin,
     l2_gain,
     latency_margin,
     leader_error_norm,
@@ -55,6 +57,9 @@ def test_every_part_is_the_worst_of_both_ends_of_the_interval(gains, reception):
     assert certificate.gain_range == stable_gain_range(gains, 0.5)
 
 
+MARGINS = ("latency_margin", "critical_period", "joint_latency_margin", "joint_critical_period")
+
+
 def test_both_ends_matter_in_this_test():
     for part in (linf_gain, leader_error_norm, lambda *ask: l2_gain(*ask).gain):
         larger = {
@@ -76,7 +81,7 @@ def test_margins_hold_at_every_gain_and_lag(gains, reception):
         for tau in np.linspace(0.02, 0.5, 9)
         for k in np.linspace(*certificate.interval, 5)
     ]
-    for part in ("latency_margin", "critical_period", "critical_period_stale_accel"):
+    for part in MARGINS:
         least = min(getattr(one, part) for one in alone)
         assert getattr(certificate, part) == pytest.approx(least, rel=0.02)
         assert getattr(certificate, part) <= least * (1 + 1e-6)
@@ -87,7 +92,7 @@ def test_margins_hold_at_every_gain_and_lag(gains, reception):
 def test_losses_shrink_every_margin():
     whole, lossy = certify(FAST, 5.0, 0.5), certify(FAST, 5.0, 0.5, reception=0.9)
     assert lossy.string_stable
-    for part in ("latency_margin", "critical_period", "critical_period_stale_accel"):
+    for part in MARGINS:
         assert getattr(lossy, part) < getattr(whole, part)
     assert not certify(A, 5.0, 0.5, reception=0.9).string_stable
     assert certify(A, 5.0, 0.5, reception=1.0) == certify(A, 5.0, 0.5)
@@ -95,11 +100,12 @@ def test_losses_shrink_every_margin():
 
 def test_parts_agree_with_the_functions_of_their_names():
     noise = NoiseStatistics(1.048, 0.0092, 0.01)
-    certificate = certify(A, 5.0, 0.5, period=0.05, noise=noise)
+    certificate = certify(A, 5.0, 0.5, period=0.05, noise=noise, latency=0.02)
     assert certificate.in_paper_region == in_paper_region(A, 5.0, 0.5)
     assert certificate.sampled_string_stable == is_sampled_string_stable(A, 5.0, 0.5, 0.05)
     assert certificate.critical_period == critical_period(A, 5.0, 0.5)
-    assert certificate.critical_period_stale_accel == critical_period(A, 5.0, 0.5, stale=True)
+    assert certificate.joint_latency_margin == joint_latency_margin(A, 5.0, 0.5, 0.05)
+    assert certificate.joint_critical_period == joint_critical_period(A, 5.0, 0.5, latency=0.02)
     assert certificate.latency_margin == latency_margin(A, 5.0, 0.5)
     index = mean_square_index(A, 0.5, 0.5 * 1.048, variance=0.0092, redraw_period=0.01)
     assert certificate.mean_square_index == index
@@ -116,8 +122,7 @@ def test_held_packets_shorten_the_critical_period():
     below = dataclasses.replace(held, period=0.99 * held.critical_period)
     assert below.string_stable
     assert below.sampled_string_stable
-    with pytest.raises(DesignError, match="stale"):
-        _ = held.critical_period_stale_accel
+    assert held.joint_critical_period < held.critical_period
 
 
 def test_a_loop_that_no_period_keeps_is_no_matter_of_sampling():
@@ -155,7 +160,7 @@ def test_only_what_is_read_is_computed():
 def test_all_parts_at_once():
     parts = certify(A, 5.0, 0.5).parts()
     assert {"string_stable", "l2_gain", "peak_frequency", "linf_gain", "interval"} <= set(parts)
-    assert len(parts) == 17
+    assert len(parts) == 18
     assert not any(name.startswith("_") for name in parts)
 
 

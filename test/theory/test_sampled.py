@@ -37,7 +37,7 @@ def discrete_plant(tau, period):
     return plant.A, plant.B
 
 
-def hop_response(gains, tau, k, period, omega, *, stale=False, held=1.0):
+def hop_response(gains, tau, k, period, omega, *, held=1.0):
     """Frequency response from the predecessor's states, by linear solves of the closed loop."""
     h, _, k_v, k_p = gains
     A_d, B_d = discrete_plant(tau, period)
@@ -47,7 +47,7 @@ def hop_response(gains, tau, k, period, omega, *, stale=False, held=1.0):
     for w in omega:
         z = np.exp(1j * w * period)
         g = np.linalg.solve(z * np.eye(3) - A_d, B_d)  # states of the predecessor per command
-        a = g[2] * (1 / z if stale else 1) * held / (1 - (1 - held) / z)
+        a = g[2] * held / (1 - (1 - held) / z)
         drive = k * a + k_v * g[1] + k_p * g[0]
         x = np.linalg.solve(z * np.eye(3) - closed, B_d * drive)
         result.append(x[0] / g[0])
@@ -61,23 +61,22 @@ DESIGNS = st.tuples(
     st.floats(0.05, 1),
     st.floats(0.0, 0.95),
     st.floats(-5, -0.5).map(math.exp),
-    st.booleans(),
 )
 
 
 @given(DESIGNS)
 @settings(max_examples=2 * settings().max_examples // 2)
 def test_certificate_against_the_closed_loop_of_python_control(design):
-    h, k_v, k_p, tau, k, period, stale = design
+    h, k_v, k_p, tau, k, period = design
     gains = Gains(h, k, k_v, k_p)
     omega = np.geomspace(1e-3 / period**0.5, np.pi / period * (1 - 1e-9), 150)
-    H, radius = hop_response(gains, tau, k, period, omega, stale=stale)
-    stable = bool(sampled_stability_map(h, k_v, k_p, tau, k, period=period, stale=stale))
+    H, radius = hop_response(gains, tau, k, period, omega)
+    stable = bool(sampled_stability_map(h, k_v, k_p, tau, k, period=period))
     if stable:
         assert radius < 1
         assert H.max() <= 1 + 1e-6  # the linear solves lose digits at low frequency
     elif radius < 1 - 1e-9:
-        hop = sampled_hop(h, k_v, k_p, tau, k, period=period, stale=stale)
+        hop = sampled_hop(h, k_v, k_p, tau, k, period=period)
         theta = np.concatenate((np.geomspace(1e-6, np.pi, 4000), omega * period))
         d = (np.exp(1j * theta) - 1) / period
         n, m = (np.polynomial.polynomial.polyval(d, np.array(c)) for c in hop[:2])
@@ -91,7 +90,7 @@ def test_certificate_against_the_closed_loop_of_python_control(design):
 @settings(max_examples=3 * settings().max_examples // 2)
 def test_held_packets_against_the_closed_loop_of_python_control(design, held):
     """Brute force over frequency, k filtered by p/(1 - (1 - p)/z) beside the loop."""
-    h, k_v, k_p, tau, k, period, _ = design
+    h, k_v, k_p, tau, k, period = design
     gains = Gains(h, k, k_v, k_p)
     omega = np.geomspace(1e-2, np.pi / period * (1 - 1e-9), 400)
     H, radius = hop_response(gains, tau, k, period, omega, held=held)
@@ -156,7 +155,6 @@ def test_critical_loss_is_the_first_loss(draw, period):
         ({"held": -1.0}, "held = -1 is not a probability: .* Give held from 0 to 1"),
         ({"held": 1.5}, "held = 1.5 is not a probability"),
         ({"held": math.nan}, "held = nan is not a probability"),
-        ({"held": 0.5, "stale": True}, "held = 0.5 is below 1 and .* stale: .* Give held = 1"),
     ],
 )
 def test_held_that_has_no_meaning_is_refused(change, words):
@@ -173,43 +171,40 @@ def test_held_that_has_no_meaning_is_refused(change, words):
 @given(DESIGNS, st.floats(0.01, 1))
 @settings(max_examples=50)
 def test_coefficients_against_the_frequency_response(design, held):
-    h, k_v, k_p, tau, k, period, stale = design
-    known = {"stale": stale, "held": 1.0 if stale else held}
+    h, k_v, k_p, tau, k, period = design
     omega = np.linspace(0.05, 0.95, 7) * np.pi / period
-    H, _ = hop_response(Gains(h, k, k_v, k_p), tau, k, period, omega, **known)
-    hop = sampled_hop(h, k_v, k_p, tau, k, period=period, **known)
+    H, _ = hop_response(Gains(h, k, k_v, k_p), tau, k, period, omega, held=held)
+    hop = sampled_hop(h, k_v, k_p, tau, k, period=period, held=held)
     d = (np.exp(1j * omega * period) - 1) / period
     n, m = (np.polynomial.polynomial.polyval(d, np.array(c)) for c in hop[:2])
     assert np.abs(n / m) == pytest.approx(H, rel=1e-6)
 
 
 @pytest.mark.parametrize(("factor", "grows"), [(0.9, False), (1.1, True)])
-@pytest.mark.parametrize("stale", [False, True])
-def test_critical_period_against_a_simulated_loop(factor, grows, stale):
+def test_critical_period_against_a_simulated_loop(factor, grows):
     """Drive the model's own plant at the worst frequency and look whether the wave gains."""
     gains, tau, k = Gains(1.0, 0.5, 0.6, 0.4), 0.5, 0.6
-    period = factor * critical_period(gains, 5.0, tau, k_effective=k, stale=stale)
-    hop = sampled_hop(gains.time_headway, gains.k_v, gains.k_p, tau, k, period=period, stale=stale)
+    period = factor * critical_period(gains, 5.0, tau, k_effective=k)
+    hop = sampled_hop(gains.time_headway, gains.k_v, gains.k_p, tau, k, period=period)
     theta = np.linspace(0.05, np.pi, 5000)
     d = (np.exp(1j * theta) - 1) / period
     n, m = (np.polynomial.polynomial.polyval(d, np.array(c)) for c in hop[:2])
     ratio = np.abs(n / m)
     worst = int(np.argmax(ratio))
     assert (ratio[worst] > 1 + 1e-6) == grows
-    simulated = simulated_gain(gains, tau, k, period, theta[worst], stale)
+    simulated = simulated_gain(gains, tau, k, period, theta[worst])
     assert simulated == pytest.approx(ratio[worst], rel=1e-6)
 
 
-def simulated_gain(gains, tau, k, period, theta, stale):  # noqa: PLR0917
+def simulated_gain(gains, tau, k, period, theta):
     """Amplitude ratio of v_2 to v_1 of a run in steady state."""
     h, _, k_v, k_p = gains
     plant = ThirdOrderPlant(tau, period)
     steps = int(200 / period)
-    vehicles, before = [State(0.0, 0.0, 0.0)] * 3, [0.0] * 3
+    vehicles = [State(0.0, 0.0, 0.0)] * 3
     speeds = np.empty((steps, 3))
     for i in range(steps):
-        received = before if stale else [v.acceleration for v in vehicles]
-        before = [v.acceleration for v in vehicles]
+        received = [v.acceleration for v in vehicles]
         commands = [np.cos(theta * i)]
         for j, (ahead, me) in enumerate(itertools.pairwise(vehicles)):
             delta = me.position - ahead.position + h * me.velocity
@@ -223,12 +218,11 @@ def simulated_gain(gains, tau, k, period, theta, stale):  # noqa: PLR0917
     return amplitude[2] / amplitude[1]
 
 
-@pytest.mark.parametrize("stale", [False, True])
 @pytest.mark.parametrize("gains", [A, C], ids=["A", "C"])
-def test_critical_period_is_where_the_certificate_flips(gains, stale):
-    period = critical_period(gains, 5.0, 0.5, stale=stale)
-    assert is_sampled_string_stable(gains, 5.0, 0.5, period * (1 - 1e-5), stale=stale)
-    assert not is_sampled_string_stable(gains, 5.0, 0.5, period * (1 + 1e-5), stale=stale)
+def test_critical_period_is_where_the_certificate_flips(gains):
+    period = critical_period(gains, 5.0, 0.5)
+    assert is_sampled_string_stable(gains, 5.0, 0.5, period * (1 - 1e-5))
+    assert not is_sampled_string_stable(gains, 5.0, 0.5, period * (1 + 1e-5))
 
 
 def test_worst_lag_of_a_fine_grid_is_not_worse():

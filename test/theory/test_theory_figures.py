@@ -94,7 +94,7 @@ def test_tolerances(gains, figures):
     certificate = certify(gains, RHO, TAU, noise=NoiseStatistics(MEAN, VARIANCE, 0.01))
     fresh, stale, latency, index, slowest = figures
     assert certificate.critical_period * 1e3 == near(fresh, 1)
-    assert certificate.critical_period_stale_accel * 1e3 == near(stale, 1)
+    assert certificate.joint_critical_period * 1e3 == near(stale, 1)
     assert certificate.latency_margin * 1e3 == near(latency, 1)
     assert certificate.mean_square_index == near(index, 6)
     assert certificate.slowest_time_constant == near(slowest, 0)
