@@ -102,7 +102,7 @@ def test_impossible_wishes_are_refused_in_words(rho, tau_max, ask, words):
 def growth_of(gains, rho, tau_max, ask):
     """Brute force of what is asked, jointly: the largest excess of |H_T| over lags and ages."""
     lags = np.array([1e-3, 0.1, 0.3, 0.6, 1.0]) * tau_max
-    oldest = math.ceil(ask.latency / ask.period - 1e-9) + 1
+    oldest = math.floor(ask.latency / ask.period + 1e-9) + 1
     known = {"held": ask.held, "reception": ask.counted_as_zero}
     return (
         max(

@@ -21,5 +21,9 @@ def test_hostile_input_breaks_no_rule() -> None:
     assert "folders: 4 cases" in said
 
 
+def test_recommended_designs_keep_all_that_is_asked() -> None:
+    assert "6 questions" in searched("designs.py", 6)
+
+
 def test_faults_of_platoons_break_no_rule() -> None:
     assert "2 faults, 0 with something wrong" in searched("faults.py", 2)
