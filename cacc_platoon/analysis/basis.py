@@ -15,9 +15,18 @@ _EXACT_TEST = (
 )
 _PAPER_TEST = "paper's Theorem 2: h_w > h_lb(k_a) and (k_p, k_v) in S = S1 and S2, sufficient only"
 _LINF_NAME = (
-    "L-infinity: L1 norm of the impulse response of H, at tau0 and both ends of I; bounds the "
-    "ratio of peaks of a_i, and of delta_i between equal followers"
+    "L-infinity: L1 norm of the impulse response of H, largest over every tau in (0, tau0] by a "
+    "scan that misses no more than 2 % of it, and at both ends of I; bounds the ratio of peaks of "
+    "a_i, and of delta_i between equal followers, in the mean system, and of no noisy run"
 )
+_SURE_NAME = (
+    "L-infinity: sum of max |h[n]| over {} the noise may have at any instant, of the loop sampled "
+    "at the control period; largest of 17 lags up to tau0 and the plant without lag; bounds the "
+    "ratio of peaks of a_i in every run, however w changes in time"
+)
+_ANY_FACTOR = "every w in [1 - 1/rho, 1 + 1/rho]"
+_OR_LOST = "w = 0 and every w in [1 - 1/rho, 1 + 1/rho] (lost packets count as zero)"
+_LATE = "what was sent at any time before, times any such w (the last packet is held)"
 _EQUAL = "delta_i = H delta_{i-1} for i >= 2, equal followers"
 _UNEQUAL = "a_i = H_i a_{i-1} for every follower's own H_i, unequal followers"
 _ZERO = (
@@ -71,8 +80,9 @@ class Bases(NamedTuple):
         What H carries from one vehicle to the next.
     losses : tuple of LossBasis
         What is judged of followers that lose packets.
-    paper, linf : str
-        The paper's test and the L-infinity gain, and of which loop they are.
+    paper, linf, sure : str
+        The paper's test and the gains between peaks, in the mean and for every realisation, and of
+        which loop they are.
     without_loss : str
         " of the loop without loss", and of whom when not of all; empty where nobody holds lost
         packets.
@@ -83,6 +93,7 @@ class Bases(NamedTuple):
     losses: tuple[LossBasis, ...]
     paper: str
     linf: str
+    sure: str
     without_loss: str
 
     def __str__(self) -> str:
@@ -122,6 +133,7 @@ def bases_of(scenario: Scenario, *, equal: bool) -> Bases:
         losses,
         f"{_PAPER_TEST}{interval}{without_loss and ',' + without_loss}",
         f"{_LINF_NAME}{without_loss and ';' + without_loss}",
+        _SURE_NAME.format(_LATE if held else _OR_LOST if zero else _ANY_FACTOR),
         without_loss,
     )
 

@@ -32,7 +32,6 @@ JUDGED_BY = (
     "in_paper_region",
     "internally_stable",
     "sampled_string_stable",
-    "linf_gain",
 )
 """The parts of a certificate that a verdict needs; where one cannot be computed it is undecided."""
 
@@ -126,8 +125,20 @@ class FollowerVerdict(NamedTuple):
 
     @property
     def linf_gain(self) -> float:
-        """Largest L-infinity gain of the hop, NaN when undecided."""
-        return math.nan if self.certificate is None else self.certificate.linf_gain
+        """Largest ratio of peaks of the mean hop, over all lags and I; NaN when unknown."""
+        return self._known("linf_gain")
+
+    @property
+    def sure_gain(self) -> float:
+        """Largest ratio of peaks of a_i for every realisation, sampled; NaN when unknown."""
+        return self._known("sampled_sure_gain")
+
+    def _known(self, part: str) -> float:
+        """Return a part that nothing else of a verdict rests on."""
+        try:
+            return math.nan if self.certificate is None else float(getattr(self.certificate, part))
+        except (UserError, ArithmeticError):
+            return math.nan
 
 
 @dataclass(frozen=True)
@@ -185,8 +196,13 @@ class Verdict:
 
     @property
     def linf_gain(self) -> float:
-        """The largest L-infinity gain of a hop, NaN where one is unknown."""
+        """The largest ratio of peaks of a mean hop, NaN where one is unknown."""
         return float(np.max([one.linf_gain for one in self.followers]))
+
+    @property
+    def sure_gain(self) -> float:
+        """The largest ratio of peaks of a_i at a hop for every realisation, NaN if unknown."""
+        return float(np.max([one.sure_gain for one in self.followers]))
 
     @property
     def headline(self) -> str:

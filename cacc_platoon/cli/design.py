@@ -17,9 +17,9 @@ from cacc_platoon.report.design_terminal import render
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import format_scenario
 from cacc_platoon.scenario.table import V2V
-from cacc_platoon.theory.certificate import NoiseStatistics
 from cacc_platoon.theory.errors import DesignError
 from cacc_platoon.theory.explanation import explain_bounds, explain_design
+from cacc_platoon.theory.mean_square import NoiseStatistics
 from cacc_platoon.theory.noise_interval import rho_from_snr_db
 
 _REQUIREMENT_MISSED = 3
@@ -60,7 +60,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "what designs must keep to, together with period, latency and reception"
     )
     limits.add_argument("--max-headway", type=float, help="longest headway [s] (2.5 tau_max)")
-    limits.add_argument("--max-linf", type=float, help="largest L-infinity gain, >= 1")
+    limits.add_argument(
+        "--max-linf", type=float, help="largest L-infinity gain of the mean hop, every lag, >= 1"
+    )
     limits.add_argument("--max-time-constant", type=float, help="slowest mode allowed [s]")
     limits.add_argument(
         "--recommend", action="store_true", help="recommend designs although one is given"

@@ -35,6 +35,12 @@ def certificate_document(certificate: Certificate) -> dict[str, Any]:
         "l2_gain": certificate.l2_gain,
         "peak_frequency": certificate.peak_frequency,
         "linf_gain": certificate.linf_gain,
+        "peaks": {
+            "mean": certificate.worst_linf_gain._asdict(),
+            "sure": certificate.worst_sure_gain._asdict(),
+            "sure_error": certificate.worst_sure_error_gain._asdict(),
+            "sure_sampled": certificate.sampled_sure_gain,
+        },
         "sampled": {
             "period": certificate.period,
             "string_stable": certificate.sampled_string_stable,

@@ -196,39 +196,42 @@ class Estimates(NamedTuple):
             trial = np.sqrt(low * high)
         return trial
 
-    def modes(self, c: Candidates) -> NDArray[np.complex128]:
-        """Poles [1/s] at the largest lag, shape (n, 3)."""
+    def modes(self, c: Candidates, lag: float) -> NDArray[np.complex128]:
+        """Poles [1/s] at a lag [s], shape (n, 3)."""
         companion = np.zeros((len(c), 3, 3))
         companion[:, 1, 0] = companion[:, 2, 1] = 1.0
-        companion[:, 0, 0] = -1.0 / self.tau_max
-        companion[:, 0, 1] = -(c.k_v + c.time_headway * c.k_p) / self.tau_max
-        companion[:, 0, 2] = -c.k_p / self.tau_max
+        companion[:, 0, 0] = -1.0 / lag
+        companion[:, 0, 1] = -(c.k_v + c.time_headway * c.k_p) / lag
+        companion[:, 0, 2] = -c.k_p / lag
         return np.asarray(np.linalg.eigvals(companion), dtype=np.complex128)
 
     def slowest_time_constant(self, c: Candidates) -> Float:
         """Slowest modes at the largest lag [s]."""
-        rate = np.min(-self.modes(c).real, axis=1)
+        rate = np.min(-self.modes(c, self.tau_max).real, axis=1)
         return np.asarray(1.0 / np.maximum(rate, 1e-300), dtype=np.float64)
 
     def linf_gain(self, c: Candidates) -> Float:
-        """Largest L1 norm at both ends of I, from the step response on a log grid of times.
+        """Largest L1 norm at both ends of I and two lags, from step responses on a log grid.
 
         Partial fractions are good enough here: poles closer than 1e-6 are moved apart.
         """
-        p = self.modes(c) * (1.0 + 1e-6 * np.arange(3))
+        return np.maximum(*(self._linf_gain(c, share * self.tau_max) for share in (1.0, 0.02)))
+
+    def _linf_gain(self, c: Candidates, lag: float) -> Float:
+        p = self.modes(c, lag) * (1.0 + 1e-6 * np.arange(3))
         start, stop = 1e-2 / np.abs(p).max(axis=1), 40.0 / np.abs(p.real).min(axis=1)
-        grid = np.concatenate(([0.0], np.linspace(0.0, 1.0, 180)))
+        grid = np.concatenate(([0.0], np.linspace(0.0, 1.0, 120)))
         t = start[:, np.newaxis] * (stop / start)[:, np.newaxis] ** grid
         t[:, 0] = 0.0
         waves = np.exp(p[:, :, np.newaxis] * t[:, np.newaxis, :])
-        slope = self.tau_max * np.stack(
+        slope = lag * np.stack(
             [(p[:, i] - p[:, i - 1]) * (p[:, i] - p[:, i - 2]) for i in range(3)], axis=1
         )
         worst = np.ones(len(c))
         offset = (c.time_headway * c.k_p)[:, np.newaxis]
         for k in self._ends(c):
             rest = (1.0 - k)[:, np.newaxis]
-            weights = ((self.tau_max * p + rest) * p + offset) / slope
+            weights = ((lag * p + rest) * p + offset) / slope
             remainder = np.einsum("ij,ijk->ik", weights, waves).real
             variation = np.abs(np.diff(remainder, axis=1)).sum(axis=1)
             worst = np.maximum(worst, variation)

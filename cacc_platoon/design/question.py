@@ -20,8 +20,8 @@ from cacc_platoon.design.answer_json import (
 from cacc_platoon.design.recommend import recommend
 from cacc_platoon.design.requirements import Design, Recommendation, Requirements
 from cacc_platoon.model.control import Gains
-from cacc_platoon.theory.certificate import NoiseStatistics
 from cacc_platoon.theory.explanation import explain_verdict
+from cacc_platoon.theory.mean_square import NoiseStatistics
 from cacc_platoon.theory.noise_interval import effective_interval, k_a_max, snr_db_from_rho
 from cacc_platoon.theory.packet_loss import fallback_headway
 from cacc_platoon.theory.region import (

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from cacc_platoon.model.control import Gains
-from cacc_platoon.theory.certificate import Certificate, NoiseStatistics, certify
+from cacc_platoon.theory.certificate import Certificate, certify
 from cacc_platoon.theory.errors import (
     DesignError,
     require,
@@ -16,6 +16,7 @@ from cacc_platoon.theory.errors import (
     require_reception,
     require_rho,
 )
+from cacc_platoon.theory.mean_square import NoiseStatistics
 from cacc_platoon.theory.noise_interval import checked_interval
 from cacc_platoon.theory.region import infimum_headway, minimum_headway
 from cacc_platoon.theory.theorem2 import optimum, paper_region
@@ -42,7 +43,7 @@ class Requirements:
     max_headway : float or None
         Longest headway [s]; default ``2.5 tau_max``.
     max_linf : float or None
-        Largest L-infinity gain, >= 1.
+        Largest L-infinity gain of the mean hop over all lags, >= 1.
     max_time_constant : float or None
         Slowest mode allowed [s].
     k_a, time_headway : float or None

@@ -72,7 +72,7 @@ def _bound_lines(data: dict[str, Any]) -> list[str]:
 
 def _certificate_lines(data: dict[str, Any]) -> list[str]:
     c, gains = data["certificate"], data["gains"]
-    sampled, joint = c["sampled"], c["joint"]
+    sampled, joint, peaks = c["sampled"], c["joint"], c["peaks"]
     late = f"{joint['latency']:g} s and " if joint["latency"] else ""
     aged = f"with an acceleration {late}one period old"
     tolerated = c["gain_range"]
@@ -82,8 +82,12 @@ def _certificate_lines(data: dict[str, Any]) -> list[str]:
         f"Verdict      {data['verdict']}",
         f"  internally stable {_yes(c['internally_stable'])}, in the paper's S "
         f"{_yes(c['in_paper_region'])}, string stable {_yes(c['string_stable'])}",
-        f"  L2 gain {_number(c['l2_gain'])} at {_number(c['peak_frequency'])} rad/s, "
-        f"L-infinity gain {_number(c['linf_gain'])}",
+        f"  L2 gain {_number(c['l2_gain'])} at {_number(c['peak_frequency'])} rad/s, in the mean",
+        f"  peaks of a_i grow per hop by a factor of {_peak(peaks['sure'])} whatever the noise "
+        f"does, {_peak(peaks['mean'])} in the mean; sampled and whatever the noise does by "
+        f"{_number(peaks['sure_sampled'])}",
+        f"  |delta_i| <= {_peak(peaks['sure_error'])} s^2 times the peak of a_(i-1), whatever the "
+        "noise does",
         f"  sampled at {sampled['period']:g} s: string stable {_yes(sampled['string_stable'])}; "
         f"lost at {sampled['critical_period']:.4g} s",
         f"  constant V2V latency margin {_number(c['latency_margin'])} s in continuous time, "
@@ -95,6 +99,11 @@ def _certificate_lines(data: dict[str, Any]) -> list[str]:
         f"  |delta_i(t)| <= {_number(c['leader_error_norm'])} ||a_0||_2 for every i"
         + ("" if c["string_stable"] else ": only for i = 1, as it is not string stable"),
     ]
+
+
+def _peak(worst: dict[str, float | None]) -> str:
+    """Say a largest gain over all lags, and what no lag exceeds."""
+    return f"{_number(worst['gain'])} (no lag above {_number(worst['at_most'])})"
 
 
 def _yes(value: bool) -> str:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from cacc_platoon.analysis.noise import LinkNoise
     from cacc_platoon.analysis.verdict import FollowerVerdict, Verdict
 
-FORMAT = Format("metrics.json", 1)
+FORMAT = Format("metrics.json", 2)
 
 _ROUNDING = 1e-9
 """Below this standard error [m] the spread of noisy runs is rounding."""
@@ -228,6 +228,8 @@ def verdict_document(verdict: Verdict) -> dict[str, Any]:
         "peak_frequency": weakest.peak_frequency,
         "linf_gain": verdict.linf_gain,
         "linf_basis": verdict.bases.linf,
+        "sure_gain": verdict.sure_gain,
+        "sure_basis": verdict.bases.sure,
         "sampled_string_stable": all(one.sampled for one in verdict.followers),
         "realised_string_stable": None if None in realised else all(realised),
         "end_to_end_gain": verdict.end_to_end_gain,
@@ -249,6 +251,7 @@ def _follower(verdict: FollowerVerdict) -> dict[str, Any]:
         "l2_gain": verdict.l2_gain,
         "peak_frequency": verdict.peak_frequency,
         "linf_gain": verdict.linf_gain,
+        "sure_gain": verdict.sure_gain,
         "realised_k": verdict.realised_k,
         "realised_stable": verdict.realised_stable,
         "reason": verdict.reason,

@@ -52,8 +52,9 @@ def _verdict_lines(report: Report) -> list[str]:
     lines = [
         f"  exact test, every lag tau <= {own.tau_max:g} s and every {share}k_a E[w] in "
         f"[{low:.4g}, {high:.4g}]{whose}: {passed}",
-        f"  sup|H| = {weakest.l2_gain:.9g} (L2){weakest.of_loop}{which}; L-infinity gain of a hop "
-        f"{verdict.linf_gain:.6g}{_linf_of(report)}",
+        f"  sup|H| = {weakest.l2_gain:.9g} (L2, in the mean){weakest.of_loop}{which}",
+        f"  peaks of a_i grow per hop by a factor of {verdict.sure_gain:.6g} at most whatever the "
+        f"noise does, {verdict.linf_gain:.6g} in the mean{_linf_of(report)}",
         f"  paper's Theorem 2 (sufficient){verdict.bases.without_loss}: "
         + ("passed" if verdict.in_paper_region else "failed"),
     ]
@@ -69,7 +70,7 @@ def _data_lines(report: Report) -> list[str]:
 
 
 def _linf_of(report: Report) -> str:
-    """Say whose the largest L-infinity gain is, where it is of another loop than sup|H|."""
+    """Say whose the largest gain in the mean is, where it is of another loop than sup|H|."""
     verdict = report.verdict
     largest = [one for one in verdict.followers if one.linf_gain == verdict.linf_gain]
     if not largest or any(one.loop == verdict.weakest.loop for one in largest):

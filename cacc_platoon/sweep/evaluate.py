@@ -26,7 +26,7 @@ class Row:
     headline, basis : str
         The verdict in a few words, and the test it rests on.
     l2_gain, linf_gain : float
-        Largest sup |H| and largest L-infinity gain of a hop; NaN where one is undecided.
+        Largest sup |H| and largest L-infinity gain of a mean hop; NaN where one is unknown.
     mean_first_peak, mean_last_peak : float
         max |delta_i| [m] of the first and the last follower in the mean system.
     first_peak, last_peak : float

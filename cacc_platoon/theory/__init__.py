@@ -2,9 +2,7 @@
 
 from cacc_platoon.theory.certificate import (
     Certificate,
-    NoiseStatistics,
     certify,
-    worst_l2_gain,
 )
 from cacc_platoon.theory.errors import DesignError
 from cacc_platoon.theory.exact import (
@@ -14,10 +12,10 @@ from cacc_platoon.theory.exact import (
     is_robustly_string_stable,
     is_string_stable,
     l2_gain,
-    linf_gain,
     propagation_margins,
     robust_string_stability_map,
     string_stability_map,
+    worst_l2_gain,
 )
 from cacc_platoon.theory.explanation import (
     Failure,
@@ -30,6 +28,7 @@ from cacc_platoon.theory.explanation import (
 from cacc_platoon.theory.joint_loop import joint_critical_period, joint_latency_margin
 from cacc_platoon.theory.latency import headway_for_latency, latency_margin
 from cacc_platoon.theory.mean_square import (
+    NoiseStatistics,
     largest_variance,
     leader_error_norm,
     mean_square_index,
@@ -48,6 +47,16 @@ from cacc_platoon.theory.packet_loss import (
     is_reception_string_stable,
     reception_interval,
     reception_minimum_headway,
+)
+from cacc_platoon.theory.peak_gains import (
+    WorstGain,
+    linf_gain,
+    sampled_sure_gain,
+    sure_error_gain,
+    sure_gain,
+    worst_linf_gain,
+    worst_sure_error_gain,
+    worst_sure_gain,
 )
 from cacc_platoon.theory.region import (
     Conservatism,
@@ -105,6 +114,7 @@ __all__ = [
     "NoiseStatistics",
     "Optimum",
     "PaperRegion",
+    "WorstGain",
     "certify",
     "certify_chain",
     "conservatism",
@@ -154,10 +164,16 @@ __all__ = [
     "robust_string_stability_map",
     "rounded_down",
     "sampled_stability_map",
+    "sampled_sure_gain",
     "slowest_time_constant",
     "snr_db_from_rho",
     "stable_gain_range",
     "string_stability_map",
+    "sure_error_gain",
+    "sure_gain",
     "uniform_error_bound",
     "worst_l2_gain",
+    "worst_linf_gain",
+    "worst_sure_error_gain",
+    "worst_sure_gain",
 ]

@@ -13,14 +13,28 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from cacc_platoon.theory.errors import require, require_positive, require_reception
-from cacc_platoon.theory.exact import L2Gain, is_string_stable, l2_gain, linf_gain
+from cacc_platoon.theory.exact import L2Gain, is_string_stable, worst_l2_gain
 from cacc_platoon.theory.joint_loop import joint_critical_period, joint_latency_margin
 from cacc_platoon.theory.latency import latency_margin
-from cacc_platoon.theory.mean_square import leader_error_norm, mean_square_index
+from cacc_platoon.theory.mean_square import (
+    NoiseStatistics,
+    leader_error_norm,
+    mean_square_index,
+)
 from cacc_platoon.theory.noise_interval import (
     EffectiveInterval,
     effective_gains,
     effective_interval,
+)
+from cacc_platoon.theory.peak_gains import (
+    WorstGain,
+    linf_gain,
+    sampled_sure_gain,
+    sure_error_gain,
+    sure_gain,
+    worst_linf_gain,
+    worst_sure_error_gain,
+    worst_sure_gain,
 )
 from cacc_platoon.theory.region import stable_gain_range
 from cacc_platoon.theory.sampled import is_sampled_string_stable
@@ -29,50 +43,11 @@ from cacc_platoon.theory.theorem2 import in_paper_region
 from cacc_platoon.theory.transfer import is_internally_stable, slowest_time_constant
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from cacc_platoon.model.control import Gains
 
-__all__ = ["Certificate", "NoiseStatistics", "certify", "worst_l2_gain"]
-
-
-@dataclass(frozen=True)
-class NoiseStatistics:
-    """Mean and variance of the noise factor, and how long one draw is held.
-
-    Attributes
-    ----------
-    mean, variance : float
-        ``E[w]`` and ``Var[w]``.
-    redraw_period : float
-        Time between draws [s].
-    """
-
-    mean: float = 1.0
-    variance: float = 0.0
-    redraw_period: float = 0.01
-
-
-def worst_l2_gain(
-    gains: Gains,
-    rho: float,
-    tau_max: float,
-    *,
-    reception: float = 1.0,
-    k_effective: float | None = None,
-) -> L2Gain:
-    """Compute ``sup |H|`` over all frequencies, lags in (0, tau_max] and ``k`` in I.
-
-    It is that of `tau_max` at an end of I: ``|N|^2`` is convex in ``k``, and where a smaller lag
-    is worse at one frequency, `tau_max` is worse still at another
-    (docs/theory.md, Theorem F (section 5)).
-
-    Examples
-    --------
-    >>> from cacc_platoon.model.control import Gains
-    >>> worst_l2_gain(Gains(0.95, 0.5, 0.63, 0.009), 5.0, 0.5)
-    L2Gain(gain=1.0, peak_omega=0.0)
-    """
-    ends = effective_gains(gains.k_a, rho, reception=reception, k_effective=k_effective)
-    return max(l2_gain(gains, tau_max, k) for k in ends)
+__all__ = ["Certificate", "certify"]
 
 
 @dataclass(frozen=True)
@@ -197,9 +172,54 @@ class Certificate:
         return self._worst_l2_gain.peak_omega
 
     @cached_property
+    def worst_linf_gain(self) -> WorstGain:
+        """Largest gain between peaks of the mean hop, over all lags and I."""
+        if self.k_effective is not None:
+            return self._alone(linf_gain(self.gains, self.tau_max, self.k_effective))
+        return worst_linf_gain(self.gains, self.rho, self.tau_max, reception=self.reception)
+
+    @property
     def linf_gain(self) -> float:
-        """Largest L1 norm of the impulse response at `tau_max` over both ends of I."""
-        return max(linf_gain(self.gains, self.tau_max, k) for k in self.effective_gains)
+        """The gain of `worst_linf_gain`."""
+        return self.worst_linf_gain.gain
+
+    @property
+    def _late(self) -> bool:
+        return self.held < 1.0 or self.latency > 0.0
+
+    @cached_property
+    def worst_sure_gain(self) -> WorstGain:
+        """Largest gain between peaks of ``a_i`` for every realisation of the noise."""
+        return self._surely(sure_gain, worst_sure_gain)
+
+    @cached_property
+    def worst_sure_error_gain(self) -> WorstGain:
+        """Largest ``|delta_i|`` per peak of ``a_{i-1}`` [s^2], likewise."""
+        return self._surely(sure_error_gain, worst_sure_error_gain)
+
+    def _surely(
+        self, at_one_lag: Callable[..., float], over_lags: Callable[..., WorstGain]
+    ) -> WorstGain:
+        known = {"reception": self.reception, "late": self._late}
+        if self.k_effective is None:
+            return over_lags(self.gains, self.rho, self.tau_max, **known)
+        return self._alone(at_one_lag(self.gains, self.rho, self.tau_max, **known))
+
+    def _alone(self, gain: float) -> WorstGain:
+        return WorstGain(gain, self.tau_max, gain)
+
+    @cached_property
+    def sampled_sure_gain(self) -> float:
+        """`worst_sure_gain` of the loop sampled at `period`."""
+        return sampled_sure_gain(
+            self.gains,
+            self.rho,
+            self.tau_max,
+            self.period,
+            reception=self.reception,
+            late=self._late,
+            tau=None if self.k_effective is None else self.tau_max,
+        )
 
     @cached_property
     def sampled_string_stable(self) -> bool:

@@ -1,4 +1,4 @@
-r"""The exact test of string stability, and the two gains the paper calls by one name.
+r"""The exact test of string stability, and the gain between energies.
 
 With ``B = 1 - k^2 - 2 tau gamma`` and ``C = gamma^2 - 2 k_p - k_v^2 + 2 k k_p``,
 
@@ -18,8 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from cacc_platoon.theory.errors import require_positive
-from cacc_platoon.theory.impulse import total_variation
-from cacc_platoon.theory.noise_interval import effective_interval
+from cacc_platoon.theory.noise_interval import effective_gains, effective_interval
 from cacc_platoon.theory.transfer import (
     ROUTH_SLACK,
     gamma,
@@ -42,10 +41,10 @@ __all__ = [
     "is_robustly_string_stable",
     "is_string_stable",
     "l2_gain",
-    "linf_gain",
     "propagation_margins",
     "robust_string_stability_map",
     "string_stability_map",
+    "worst_l2_gain",
 ]
 
 TOLERANCE = 1e-12
@@ -330,39 +329,25 @@ def _climb(function: Callable[[float], float], start: float) -> float:
     return max((start, left, right), key=function)
 
 
-def linf_gain(gains: Gains, tau: float, k_effective: float) -> float:
-    """L1 norm of the impulse response of ``H``: the gain between maximum norms.
+def worst_l2_gain(
+    gains: Gains,
+    rho: float,
+    tau_max: float,
+    *,
+    reception: float = 1.0,
+    k_effective: float | None = None,
+) -> L2Gain:
+    """Compute ``sup |H|`` over all frequencies, lags in (0, tau_max] and ``k`` in I.
 
-    It is at least `l2_gain`, and exactly one only where the impulse response keeps its sign.
-
-    Parameters
-    ----------
-    gains : Gains
-        Controller; ``k_a`` is not used.
-    tau : float
-        Actuation lag [s].
-    k_effective : float
-        Effective feed-forward gain.
-
-    Returns
-    -------
-    float
-        ``sup ||delta_i||_inf / ||delta_{i-1}||_inf``, infinite when not internally stable.
-
-    Raises
-    ------
-    DesignError
-        If `tau` is not positive.
+    It is that of `tau_max` at an end of I: ``|N|^2`` is convex in ``k``, and where a smaller lag
+    is worse at one frequency, `tau_max` is worse still at another
+    (docs/theory.md, Theorem F (section 5)).
 
     Examples
     --------
     >>> from cacc_platoon.model.control import Gains
-    >>> round(linf_gain(Gains(0.95, 0.5, 0.63, 0.009), 0.5, 0.524086844), 4)
-    1.0214
+    >>> worst_l2_gain(Gains(0.95, 0.5, 0.63, 0.009), 5.0, 0.5)
+    L2Gain(gain=1.0, peak_omega=0.0)
     """
-    require_positive("tau", tau, "s")
-    if not is_internally_stable(gains, tau):
-        return math.inf
-    impulse = np.array([k_effective, gains.k_v, gains.k_p]) / tau
-    remainder = np.array([tau, 1.0 - k_effective, gains.time_headway * gains.k_p]) / tau
-    return max(1.0, total_variation(impulse, remainder, poles(gains, tau)))
+    ends = effective_gains(gains.k_a, rho, reception=reception, k_effective=k_effective)
+    return max(l2_gain(gains, tau_max, k) for k in ends)

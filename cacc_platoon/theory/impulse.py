@@ -1,14 +1,14 @@
-r"""Exponential modes without partial fractions, and the L1 norm they give.
+r"""Exponential modes, and the L1 norm they give, for many impulse responses at once.
 
 Partial fractions lose all digits where poles meet, and critically damped loops are not rare.
-Newton's form with divided differences of ``exp`` has no such place:
+There Newton's form with divided differences of ``exp`` is taken, which has no such place:
 
 .. math::
     \frac{n(s)}{(s-p_1)(s-p_2)(s-p_3)} \;\leftrightarrow\;
     n[p_1]\,E[p_1,p_2,p_3] + n[p_1,p_2]\,E[p_2,p_3] + n[p_1,p_2,p_3]\,E[p_3],
 
-``E[...]`` being the divided differences of ``p -> exp(p t)`` (docs/theory.md, section 5 (Two
-gains)).
+``E[...]`` being the divided differences of ``p -> exp(p t)`` (docs/theory.md, section 5 (Gains
+between energies and between peaks)).
 """
 
 from __future__ import annotations
@@ -27,8 +27,10 @@ if TYPE_CHECKING:
 
 __all__ = ["inverse_laplace", "total_variation"]
 
+_CLOSE = 0.02  # two poles this close together, relative to the larger, are not taken apart
 _SERIES_TERMS = 18
 _MAX_HALF_PERIODS = 3000
+_GRID, _HALVINGS = 60, 24
 _DEAD = 45.0  # exp(-45) < 3e-20
 
 
@@ -75,22 +77,39 @@ def _farthest_first_and_last(p: Complex) -> Complex:
 
 
 def inverse_laplace(coefficients: Float, poles: Complex, t: Float) -> Float:
-    """Time function of ``n(s)/((s-p1)(s-p2)(s-p3))`` with ``n = c2 s^2 + c1 s + c0``.
+    """Time functions of ``n(s)/((s-p1)(s-p2)(s-p3))`` with ``n = c2 s^2 + c1 s + c0``.
 
     Parameters
     ----------
-    coefficients : ndarray, shape (..., 3)
+    coefficients : ndarray, shape (n, 3)
         ``c2, c1, c0``, already divided by the leading coefficient of the denominator.
-    poles : ndarray, shape (..., 3)
+    poles : ndarray, shape (n, 3)
         Poles [1/s], equal ones allowed; a complex pole together with its conjugate.
-    t : ndarray, shape (..., n)
+    t : ndarray, shape (n, m)
         Times [s].
 
     Returns
     -------
-    ndarray, shape (..., n)
-        Real time function.
+    ndarray, shape (n, m)
+        Real time functions.
     """
+    gaps = poles[:, [0, 1, 2]] - poles[:, [1, 2, 0]]
+    size = np.abs(poles)
+    close = (np.abs(gaps) < _CLOSE * np.maximum(size, size[:, [1, 2, 0]])).any(axis=1)
+    result = np.empty_like(t)
+    if not close.all():
+        c, p, apart = coefficients[~close], poles[~close], gaps[~close]
+        value = (c[:, :1] * p + c[:, 1:2]) * p + c[:, 2:]
+        weight = value / (-apart * apart[:, [2, 0, 1]])
+        times = t[~close]
+        modes = (weight[:, i, np.newaxis] * np.exp(p[:, i, np.newaxis] * times) for i in range(3))
+        result[~close] = sum(mode.real for mode in modes)
+    if close.any():
+        result[close] = _newton_form(coefficients[close], poles[close], t[close])
+    return result
+
+
+def _newton_form(coefficients: Float, poles: Complex, t: Float) -> Float:
     p, q, r = np.moveaxis(_farthest_first_and_last(poles)[..., np.newaxis], -2, 0)
     c2, c1, c0 = np.moveaxis(coefficients[..., np.newaxis], -2, 0)
     value = (c2 * p + c1) * p + c0
@@ -99,67 +118,78 @@ def inverse_laplace(coefficients: Float, poles: Complex, t: Float) -> Float:
     return np.asarray(result.real, dtype=np.float64)
 
 
+@np.errstate(divide="ignore", invalid="ignore", over="ignore")
 def _turning_times(coefficients: Float, poles: Complex) -> Float:
-    """Extrema of ``exp(-p1 t) h(t)``, between which ``h`` has one zero at most.
+    """Extrema of ``exp(-p1 t) h(t)``, between which ``h`` has one zero at most; NaN where none.
 
     The derivative of ``exp(-p1 t) h`` holds two modes only and vanishes where
     ``exp((p3 - p2) t) = n(p2)/n(p3)``; for a complex pair that is once in every half period.
     """
-    times = [np.zeros(1)]
+    value = (coefficients[:, :1] * poles + coefficients[:, 1:2]) * poles + coefficients[:, 2:]
+    times = [np.zeros((len(poles), 1))]
     for a, b in ((0, 1), (1, 2), (0, 2)):
-        first, second = np.polyval(coefficients, poles[[a, b]])
-        gap = poles[b] - poles[a]
-        if first == 0 or second == 0 or gap == 0:
+        gap, ratio = poles[:, b] - poles[:, a], value[:, a] / value[:, b]
+        real = (gap.imag == 0) & (ratio.real > 0)
+        times.append(np.where(real, np.log(np.abs(ratio)) / gap.real, np.nan)[:, np.newaxis])
+        pair = (poles[:, a] == np.conj(poles[:, b])) & (gap.imag != 0) & np.isfinite(ratio)
+        if not pair.any():
             continue
-        if gap.imag == 0 and (first / second).real > 0:
-            times.append(np.array([np.log((first / second).real) / gap.real]))
-        elif poles[a] == np.conj(poles[b]):
-            half = abs(np.pi / poles[a].imag)
-            start = (np.log(first / second) / gap).real % half
-            count = min(_DEAD / -poles[a].real / half, _MAX_HALF_PERIODS)
-            times.append(start + half * np.arange(int(count) + 2))
-    found = np.concatenate(times)
-    return found[np.isfinite(found) & (found >= 0)]
+        half = np.where(pair, np.abs(np.pi / poles[:, a].imag), np.nan)
+        count = np.minimum(_DEAD / -poles[:, a].real / half, _MAX_HALF_PERIODS)
+        start = (np.log(ratio) / gap).real % half
+        number = np.arange(int(np.nanmax(count)) + 2)
+        ringing = start[:, np.newaxis] + half[:, np.newaxis] * number
+        times.append(np.where(number <= count[:, np.newaxis] + 1, ringing, np.nan))
+    found = np.concatenate(times, axis=1)
+    return np.where(np.isfinite(found) & (found >= 0), found, np.nan)
 
 
 def _time_grid(coefficients: Float, poles: Complex) -> Float:
     """Choose times that bracket every sign change; the log grid serves poles about to meet."""
-    fastest, slowest = float(np.max(np.abs(poles))), float(np.min(-poles.real))
-    grid = np.geomspace(1e-4 / fastest, _DEAD / slowest, 120)
-    return np.union1d(_turning_times(coefficients, poles), grid)
+    first = 1e-4 / np.abs(poles).max(axis=1, keepdims=True)
+    last = _DEAD / np.min(-poles.real, axis=1, keepdims=True)
+    grid = first * (last / first) ** np.linspace(0.0, 1.0, _GRID)
+    times = np.concatenate((grid, _turning_times(coefficients, poles)), axis=1)
+    times = np.sort(times, axis=1)  # NaN to the end
+    return np.where(np.isnan(times), np.nanmax(times, axis=1, keepdims=True), times)
 
 
 def _zeros(coefficients: Float, poles: Complex) -> Float:
-    """Sign changes of the time function, by bisection between the times of the grid.
+    """Sign changes of each time function, by bisection between the times of the grid; then inf.
 
-    The error of the norm is of second order in the error of a zero: 27 halvings are plenty.
+    The error of the norm is of second order in the error of a zero: 24 halvings are plenty.
     """
     t = _time_grid(coefficients, poles)
-    h = inverse_laplace(coefficients, poles, t)
-    change = np.flatnonzero(np.signbit(h[1:]) != np.signbit(h[:-1]))
-    low, high, sign = t[change], t[change + 1], np.signbit(h[change])
-    for _ in range(27):
+    h = np.signbit(inverse_laplace(coefficients, poles, t))
+    row, place = np.nonzero(h[:, 1:] != h[:, :-1])
+    low, high, sign = t[row, place], t[row, place + 1], h[row, place]
+    for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
-        same = np.signbit(inverse_laplace(coefficients, poles, middle)) == sign
+        at = inverse_laplace(coefficients[row], poles[row], middle[:, np.newaxis])[:, 0]
+        same = np.signbit(at) == sign
         low, high = np.where(same, middle, low), np.where(same, high, middle)
-    return 0.5 * (low + high)
+    count = np.bincount(row, minlength=len(t))
+    zeros = np.full((len(t), int(np.max(count, initial=0))), np.inf)
+    column = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
+    zeros[row, column] = 0.5 * (low + high)
+    return zeros
 
 
-def total_variation(impulse: Float, remainder: Float, poles: Complex) -> float:
-    """L1 norm of an impulse response, as the total variation of its step response.
+def total_variation(impulse: Float, remainder: Float, poles: Complex) -> Float:
+    """L1 norms of impulse responses, as the total variations of their step responses.
 
     Parameters
     ----------
-    impulse : ndarray, shape (3,)
-        Numerator of the impulse response ``h``.
-    remainder : ndarray, shape (3,)
-        Numerator of ``g(t)``, the integral of ``h`` from ``t`` to infinity.
-    poles : ndarray, shape (3,)
-        Common poles, all in the open left half plane.
+    impulse : ndarray, shape (n, 3)
+        Numerators of the impulse responses ``h``.
+    remainder : ndarray, shape (n, 3)
+        Numerators of ``g(t)``, the integrals of ``h`` from ``t`` to infinity.
+    poles : ndarray, shape (n, 3)
+        Poles, all in the open left half plane.
 
     Returns
     -------
-    float
+    ndarray, shape (n,)
         ``integral of |h| dt``, exact but for rounding: between two zeros of ``h`` it is a
         difference of ``g``; past the last stored half period the tail is a geometric series.
 
@@ -168,20 +198,28 @@ def total_variation(impulse: Float, remainder: Float, poles: Complex) -> float:
     DesignError
         If a pair rings for thousands of periods while a real mode is alive.
     """
-    zeros = _zeros(impulse, poles)
-    pair = poles[int(np.argmax(np.abs(poles.imag)))]
-    decay = -pair.real * np.pi / abs(pair.imag) if pair.imag != 0 else np.inf
+    pair = np.take_along_axis(poles, np.argmax(np.abs(poles.imag), axis=1)[:, np.newaxis], 1)[:, 0]
+    turn = np.where(pair.imag != 0, np.abs(pair.imag), np.nan)
+    decay = -pair.real * np.pi / turn
     rings_on = decay * _MAX_HALF_PERIODS < _DEAD
-    if rings_on:
-        end = _MAX_HALF_PERIODS * np.pi / abs(pair.imag)
+    zeros = _zeros(impulse, poles)
+    if rings_on.any():
+        end = np.where(rings_on, _MAX_HALF_PERIODS * np.pi / turn, np.inf)
+        slowest = np.where(poles.imag == 0, -poles.real, np.inf).min(axis=1)
         require(
-            bool(np.min(np.where(poles.imag == 0, -poles.real, np.inf)) * end > _DEAD),
-            f"the loop rings for {_DEAD / decay:.3g} half periods beside a mode that is slower "
-            "still: its L1 norm is out of reach. Choose gains nearer to 1/tau and 1/tau^2.",
+            bool((slowest * end > _DEAD)[rings_on].all()),
+            f"the loop rings for {_DEAD / np.nanmin(decay):.3g} half periods beside a mode that is "
+            "slower still: its L1 norm is out of reach. Choose gains nearer to 1/tau and 1/tau^2.",
         )
-        zeros = zeros[zeros < end]
-    g = inverse_laplace(remainder, poles, np.concatenate(([0.0], zeros)))
-    steps = np.abs(np.diff(g))
-    if rings_on:  # nothing but the pair is left: every further step is smaller by one factor
-        return float(np.sum(steps) + steps[-1] / np.expm1(decay))
-    return float(np.sum(steps)) + abs(float(g[-1]))
+        zeros = np.where(zeros < end[:, np.newaxis], zeros, np.inf)
+    past = ~np.isfinite(zeros)
+    g = inverse_laplace(remainder, poles, np.where(past, 0.0, zeros))
+    first = inverse_laplace(remainder, poles, np.zeros((len(poles), 1)))
+    g = np.concatenate((first, np.where(past, 0.0, g)), axis=1)
+    steps = np.abs(np.diff(g, axis=1, append=0.0))
+    if rings_on.any():  # nothing but the pair is left: every further step is smaller by one factor
+        count = np.sum(~past, axis=1)
+        rows = np.flatnonzero(rings_on & (count > 0))
+        last = steps[rows, count[rows] - 1]
+        steps[rows, count[rows]] = last / np.expm1(decay[rows])
+    return np.asarray(steps.sum(axis=1), dtype=np.float64)

@@ -15,6 +15,7 @@ grow without bound along the platoon (docs/theory.md, section 8 (Mean square)).
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from cacc_platoon.theory.errors import require
@@ -24,7 +25,30 @@ from cacc_platoon.theory.transfer import gamma, is_internally_stable
 if TYPE_CHECKING:
     from cacc_platoon.model.control import Gains
 
-__all__ = ["largest_variance", "leader_error_norm", "mean_square_index", "uniform_error_bound"]
+__all__ = [
+    "NoiseStatistics",
+    "largest_variance",
+    "leader_error_norm",
+    "mean_square_index",
+    "uniform_error_bound",
+]
+
+
+@dataclass(frozen=True)
+class NoiseStatistics:
+    """Mean and variance of the noise factor, and how long one draw is held.
+
+    Attributes
+    ----------
+    mean, variance : float
+        ``E[w]`` and ``Var[w]``.
+    redraw_period : float
+        Time between draws [s].
+    """
+
+    mean: float = 1.0
+    variance: float = 0.0
+    redraw_period: float = 0.01
 
 
 def largest_variance(rho: float) -> float:

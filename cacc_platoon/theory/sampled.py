@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 __all__ = [
     "SampledHop",
     "hold_integrals",
+    "in_unit_disc",
     "is_sampled_string_stable",
     "lags_to_try",
     "longest_period",
@@ -190,7 +191,7 @@ def _propagation_polynomial(hop: SampledHop, period: Float) -> tuple[Float, Floa
     return q[1:], size[1:]
 
 
-def _in_unit_disc(loop: tuple[Float, ...], period: Float) -> NDArray[np.bool_]:
+def in_unit_disc(loop: tuple[Float, ...], period: Float) -> NDArray[np.bool_]:
     """Routh test of the cubic after ``d = w/(1 - T w/2)`` maps the unit disc to the left."""
     d0, d1, d2, _ = loop
     T = period
@@ -244,7 +245,7 @@ def _margin(hop: SampledHop, period: ArrayLike) -> Float:
     for c, s in zip(q[::-1], size[::-1], strict=True):
         value, bound = value * y + c, bound * y + s
     margins = np.divide(value, bound, out=np.zeros_like(y), where=bound != 0)
-    stable = _in_unit_disc(hop.loop, T) & np.isfinite(size).all(axis=0)
+    stable = in_unit_disc(hop.loop, T) & np.isfinite(size).all(axis=0)
     return np.where(stable, margins.min(axis=0), -np.inf)
 
 

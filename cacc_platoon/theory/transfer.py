@@ -109,25 +109,25 @@ def require_resolvable(gains: Gains, tau: float) -> None:
     )
 
 
-def poles(gains: Gains, tau: float) -> NDArray[np.complex128]:
+def poles(gains: Gains, tau: ArrayLike) -> NDArray[np.complex128]:
     """Roots of ``D(s)``, the slowest first.
 
     Parameters
     ----------
     gains : Gains
         Controller.
-    tau : float
-        Actuation lag [s].
+    tau : array_like, shape (...)
+        Actuation lags [s].
 
     Returns
     -------
-    ndarray, shape (3,)
+    ndarray, shape (..., 3)
         Poles [1/s] by falling real part, complex pairs as conjugates.
 
     Raises
     ------
     DesignError
-        If `tau` is not positive.
+        If a lag is not positive.
 
     Examples
     --------
@@ -135,21 +135,28 @@ def poles(gains: Gains, tau: float) -> NDArray[np.complex128]:
     >>> poles(Gains(0.95, 0.5, 0.63, 0.009), 0.5)[0].real.round(6).item()
     -0.014418
     """
-    require_positive("tau", tau, "s")
-    if is_internally_stable(gains, tau):
-        require_resolvable(gains, tau)
-    coefficients = np.array([tau, 1.0, gamma(gains), gains.k_p])
-    roots = np.roots(coefficients).astype(np.complex128)
-    if roots.size < 3:  # k_p = 0 loses no degree, but an underflowing tau does
-        roots = np.append(roots, -1.0 / tau)
-    slope = np.polyder(coefficients)
+    lags = np.asarray(tau, dtype=np.float64)
+    for lag in (float(np.min(lags)), float(np.max(lags))):
+        require_positive("tau", lag, "s")
+        if is_internally_stable(gains, lag):
+            require_resolvable(gains, lag)
+    monic = np.stack(
+        [np.ones_like(lags), 1.0 / lags, gamma(gains) / lags, gains.k_p / lags], axis=-1
+    )
+    companion = np.zeros((*lags.shape, 3, 3))
+    companion[..., 0, :] = -monic[..., 1:]
+    companion[..., 1, 0] = companion[..., 2, 1] = 1.0
+    roots = np.linalg.eigvals(companion).astype(np.complex128)
+    c2, c1, c0 = (monic[..., i, np.newaxis] for i in (1, 2, 3))
     with np.errstate(over="ignore", invalid="ignore"):  # a step to infinity is not taken
-        for _ in range(3):  # a small root next to a large one leaves np.roots with few digits
-            value = np.polyval(coefficients, roots)
-            step = value / np.where(np.polyval(slope, roots) == 0, 1.0, np.polyval(slope, roots))
-            better = np.abs(np.polyval(coefficients, roots - step)) < np.abs(value)
-            roots = np.where(better, roots - step, roots)
-    return roots[np.lexsort((-roots.imag, -roots.real))]
+        for _ in range(3):  # a small root next to a large one has few digits at first
+            value = ((roots + c2) * roots + c1) * roots + c0
+            slope = (3.0 * roots + 2.0 * c2) * roots + c1
+            moved = roots - value / np.where(slope == 0, 1.0, slope)
+            better = np.abs(((moved + c2) * moved + c1) * moved + c0) < np.abs(value)
+            roots = np.where(better, moved, roots)
+    order = np.lexsort((-roots.imag, -roots.real), axis=-1)
+    return np.take_along_axis(roots, order, axis=-1)
 
 
 def slowest_time_constant(gains: Gains, tau: float) -> float:

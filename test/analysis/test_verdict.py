@@ -38,7 +38,7 @@ def test_published_cases(case):
 
 
 def test_both_definitions_are_named_and_differ():
-    """docs/theory.md, section 5 (Two gains): L2 stable, L-infinity gain 1.0396."""
+    """docs/theory.md, section 5 (Gains between energies and between peaks): 1 and 1.0396."""
     verdict = judge(case_scenario(CASES[0]))
     assert verdict.weakest.l2_gain == 1.0
     assert verdict.weakest.linf_gain == pytest.approx(1.0396, abs=5e-5)

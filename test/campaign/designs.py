@@ -16,7 +16,7 @@ import numpy as np
 
 from cacc_platoon.design import Requirements, recommend
 from cacc_platoon.model import Gains
-from cacc_platoon.testing.brute_force import largest_growth, norm_ratios
+from cacc_platoon.simulation.brute_force import largest_growth, norm_ratios
 from cacc_platoon.theory import DesignError
 
 LAGS = np.array([1e-3, 0.05, 0.2, 0.4, 0.6, 0.8, 1.0])

@@ -13,7 +13,7 @@ from cacc_platoon.design import Requirements, assess, paper_design, recommend
 from cacc_platoon.design.candidates import Candidates, Estimates
 from cacc_platoon.design.pareto import pareto_front, spread_out
 from cacc_platoon.model import Gains
-from cacc_platoon.testing.brute_force import largest_growth
+from cacc_platoon.simulation.brute_force import largest_growth
 from cacc_platoon.theory import (
     DesignError,
     certify,
@@ -130,8 +130,8 @@ STABLE = {"latency margin", "critical period", "headway", "L-infinity gain", "sl
 )
 def test_requirements_read_the_certificate(ask, missed):
     """Case A: critical period 44.3 ms with the acceleration one period old of docs/theory.md,
-    section 7 (V2V latency), L-infinity gain 1.0396 of docs/theory.md, section 5 (Two gains), and a
-    slowest mode of 69.36 s.
+    section 7 (V2V latency), L-infinity gain 1.0396 of docs/theory.md, section 5 (Gains between
+    energies and between peaks), and a slowest mode of 69.36 s.
     """
     unmet = ask.unmet(ask.certify(A, 5.0, 0.5))
     assert {name for name in STABLE if any(line.startswith(name) for line in unmet)} == missed
@@ -181,7 +181,7 @@ def test_estimates_are_close_to_the_certificates():
         (estimates.latency_margin(columns), [one.latency_margin for one in exact], 0.05),
         (joint, margins, 0.05),
         (estimates.critical_period(columns, joint, 0.0, 0.01), periods, 0.3),
-        (estimates.linf_gain(columns), [one.linf_gain for one in exact], 2e-3),
+        (estimates.linf_gain(columns), [one.linf_gain for one in exact], 0.05),
         (estimates.slowest_time_constant(columns), slowest, 1e-9),
     )
     for estimate, value, tolerance in pairs:

@@ -50,7 +50,8 @@ def test_every_part_is_the_worst_of_both_ends_of_the_interval(gains, reception):
     assert certificate.string_stable == all(is_string_stable(gains, 0.5, k) for k in ends)
     worst = max(l2_gain(gains, 0.5, k) for k in ends)
     assert (certificate.l2_gain, certificate.peak_frequency) == worst
-    assert certificate.linf_gain == max(linf_gain(gains, 0.5, k) for k in ends)
+    at_largest_lag = max(linf_gain(gains, 0.5, k) for k in ends)
+    assert certificate.linf_gain >= at_largest_lag * (1 - 1e-12)
     assert certificate.leader_error_norm == max(leader_error_norm(gains, 0.5, k) for k in ends)
     assert certificate.internally_stable == is_internally_stable(gains, 0.5)
     assert certificate.slowest_time_constant == slowest_time_constant(gains, 0.5)
@@ -148,19 +149,19 @@ def test_with_losses_it_agrees_with_the_theory_of_packet_loss(h, k_a, k_v, k_p, 
 def test_only_what_is_read_is_computed():
     certificate = certify(A, 5.0, 0.5)
     assert certificate.string_stable
-    assert "linf_gain" not in vars(certificate)
-    first = certificate.linf_gain
-    assert vars(certificate)["linf_gain"] is first
+    assert "worst_linf_gain" not in vars(certificate)
+    first = certificate.worst_linf_gain
+    assert vars(certificate)["worst_linf_gain"] is first
     assert certificate == certify(A, 5.0, 0.5)
     assert hash(certificate) == hash(certify(A, 5.0, 0.5))
     assert certificate != certify(A, 5.0, 0.5, reception=0.9)
-    assert pickle.loads(pickle.dumps(certificate)).linf_gain == first
+    assert pickle.loads(pickle.dumps(certificate)).worst_linf_gain == first
 
 
 def test_all_parts_at_once():
     parts = certify(A, 5.0, 0.5).parts()
     assert {"string_stable", "l2_gain", "peak_frequency", "linf_gain", "interval"} <= set(parts)
-    assert len(parts) == 18
+    assert len(parts) == 22
     assert not any(name.startswith("_") for name in parts)
 
 

@@ -205,8 +205,8 @@ def test_time_functions_against_the_matrix_exponential(roots):
     _, a2, a1, a0 = np.poly(roots).real
     companion = np.array([[0, 1, 0], [0, 0, 1], [-a0, -a1, -a2]])
     expected = [numerator[::-1] @ expm(companion * x) @ [0, 0, 1] for x in t]
-    found = inverse_laplace(numerator, np.array(roots, complex), t)
-    assert found == pytest.approx(expected, rel=1e-9, abs=1e-11)
+    found = inverse_laplace(numerator[np.newaxis], np.array([roots], complex), t[np.newaxis])
+    assert found[0] == pytest.approx(expected, rel=1e-9, abs=1e-11)
 
 
 def test_a_geometric_tail_replaces_endless_ringing(monkeypatch):

@@ -9,7 +9,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from cacc_platoon.model import Gains
-from cacc_platoon.testing.brute_force import largest_growth, norm_ratios, response
+from cacc_platoon.simulation.brute_force import largest_growth, norm_ratios, response
 from cacc_platoon.theory import (
     DesignError,
     exact_region,
