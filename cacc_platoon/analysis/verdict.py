@@ -11,6 +11,7 @@ import numpy as np
 from cacc_platoon.analysis.age import LinkReception
 from cacc_platoon.analysis.basis import Bases, arrival, bases_of
 from cacc_platoon.analysis.consistency import Consistency
+from cacc_platoon.analysis.guarantee import guarantee_of, noise_statistics
 from cacc_platoon.analysis.noise import LinkNoise
 from cacc_platoon.analysis.premises import broken_premises, other_laws
 from cacc_platoon.errors import UserError
@@ -18,10 +19,12 @@ from cacc_platoon.scenario import Follower, Scenario
 from cacc_platoon.theory import (
     Certificate,
     Failure,
+    Guarantee,
     Hop,
     certify,
     certify_chain,
     explain_failure,
+    guarantees,
     is_string_stable,
     rounded_down,
 )
@@ -205,6 +208,21 @@ class Verdict:
         return float(np.max([one.sure_gain for one in self.followers]))
 
     @property
+    def guarantee(self) -> str:
+        """What is proven, of which signal, in which norm, for which noise and links."""
+        good = self.string_stable and not self.another_law
+        certificates = [one.certificate for one in self.followers if good and one.certificate]
+        return guarantee_of(certificates, equal_links=self.equal_links)
+
+    @property
+    def guarantees(self) -> tuple[Guarantee, ...]:
+        """What the weakest follower guarantees against which noise; nothing if undecided."""
+        certificate = self.weakest.certificate
+        if certificate is None or self.another_law:
+            return ()
+        return guarantees(certificate, equal_links=self.equal_links)
+
+    @property
     def headline(self) -> str:
         """The verdict in a few words."""
         if self.undecided or self.another_law:
@@ -245,7 +263,13 @@ def judge(
     verdicts: list[FollowerVerdict] = []
     for follower in scenario.followers:
         mean = means.get(follower.link, math.nan)
-        key = (follower.gains, follower.tau_max, follower.v2v.rho, *arrival(follower))
+        key = (
+            follower.gains,
+            follower.tau_max,
+            follower.v2v.rho,
+            *arrival(follower),
+            noise_statistics(follower, scenario.run.step),
+        )
         if key not in seen:
             seen[key] = _judge_follower(follower, scenario.run.step)
         verdicts.append(_realised(seen[key], follower, mean))
@@ -288,6 +312,7 @@ def _decide(follower: Follower, step: float) -> FollowerVerdict:
         period=step,
         reception=share.zero,
         held=share.held,
+        noise=noise_statistics(follower, step),
     )
     for part in JUDGED_BY:  # what cannot be computed shows here, not when the verdict is read
         getattr(certificate, part)

@@ -8,6 +8,7 @@ from cacc_platoon.design.requirements import Design
 from cacc_platoon.formats import Format
 from cacc_platoon.model.control import Gains
 from cacc_platoon.theory.certificate import Certificate
+from cacc_platoon.theory.guarantees import guarantees
 from cacc_platoon.theory.region import Conservatism, ExactRegion
 from cacc_platoon.theory.several_predecessors import MultiPredecessorBounds
 from cacc_platoon.theory.theorem2 import PaperRegion
@@ -54,9 +55,12 @@ def certificate_document(certificate: Certificate) -> dict[str, Any]:
             "critical_period": certificate.joint_critical_period,
         },
         "mean_square_index": certificate.mean_square_index,
+        "frozen_noise_margin": certificate.frozen_noise_margin,
         "slowest_time_constant": certificate.slowest_time_constant,
         "leader_error_norm": certificate.leader_error_norm,
+        "leader_error_gain": certificate.leader_error_gain,
         "gain_range": None if gain_range is None else list(gain_range),
+        "guarantees": [row._asdict() for row in guarantees(certificate)],
     }
 
 

@@ -220,6 +220,8 @@ def verdict_document(verdict: Verdict) -> dict[str, Any]:
         "string_stable": verdict.string_stable,
         "certified": verdict.certified,
         "headline": verdict.headline,
+        "guarantee": verdict.guarantee,
+        "guarantees": [row._asdict() for row in verdict.guarantees],
         "basis": verdict.basis,
         "void": list(verdict.void),
         "paper": {"string_stable": verdict.in_paper_region, "basis": verdict.bases.paper},

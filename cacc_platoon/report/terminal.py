@@ -11,6 +11,7 @@ from cacc_platoon.theory.noise_interval import effective_interval
 
 if TYPE_CHECKING:
     from cacc_platoon.analysis.analyse import Report
+    from cacc_platoon.analysis.verdict import Verdict
 
 _WHOLE, _HEAD = 25, 8  # longer tables are cut down to so many rows at both ends
 
@@ -49,18 +50,26 @@ def _verdict_lines(report: Report) -> list[str]:
     if not verdict.equal_links:
         whose = f" (vehicle {weakest.follower})"
         which = f" (vehicle {weakest.follower} is the weakest)"
-    lines = [
+    lines = [f"  {verdict.guarantee}"] if verdict.string_stable else []
+    lines += [
         f"  exact test, every lag tau <= {own.tau_max:g} s and every {share}k_a E[w] in "
         f"[{low:.4g}, {high:.4g}]{whose}: {passed}",
         f"  sup|H| = {weakest.l2_gain:.9g} (L2, in the mean){weakest.of_loop}{which}",
         f"  peaks of a_i grow per hop by a factor of {verdict.sure_gain:.6g} at most whatever the "
         f"noise does, {verdict.linf_gain:.6g} in the mean{_linf_of(report)}",
+        *_mean_square_line(verdict),
         f"  paper's Theorem 2 (sufficient){verdict.bases.without_loss}: "
         + ("passed" if verdict.in_paper_region else "failed"),
     ]
     lines += [f"  packet loss: {basis.text}" for basis in verdict.bases.losses]
     lines += [f"  VOID for this run: {reason}" for reason in verdict.void]
     return lines
+
+
+def _mean_square_line(verdict: Verdict) -> list[str]:
+    """Say what noise that changes in time does to the energy, where it is known."""
+    found = [row for row in verdict.guarantees if row.signal == "energy of a_i"]
+    return [f"  energy of a_i in the mean square: {row.mean_square}" for row in found]
 
 
 def _data_lines(report: Report) -> list[str]:

@@ -36,11 +36,30 @@ def verdict_section(report: Report, metrics: dict[str, Any]) -> str:
         f'<header class="verdict {kind}"><h1>{sign} {html.escape(report.headline.capitalize())}'
         f"</h1><p><b>{html.escape(scenario.name)}</b>: {scenario.platoon.followers} followers, "
         f"{report.measured.duration:g} s, seed {scenario.run.seed}</p>{''.join(lines)}</header>\n"
+        f"{_guarantee_section(verdict)}"
         f"<h2>What the verdict rests on</h2>{_basis_table(report, metrics)}"
         "<p>The verdict is a theorem about the run's parameters. No ordering of errors in one "
         "noisy run, nor in a hundred, proves or disproves string stability.</p>\n"
         f"<h2>What happened</h2>{_outcome_table(metrics)}"
     )
+
+
+def _guarantee_section(verdict: Verdict) -> str:
+    """Return what is guaranteed in the mean, in the mean square, and whatever the noise does."""
+    rows = verdict.guarantees
+    if not rows:
+        return ""
+    whose = "" if verdict.equal_links else f", by vehicle {verdict.weakest.follower}, the weakest"
+    heads = ("signal", "in the mean", "in the mean square", "whatever the noise does")
+    note = (
+        "For every lag up to tau0, in continuous time but for the mean square, which is of the "
+        "sampled loop. In the mean: expectations, with every E[w] the SNR permits. In the mean "
+        "square: the energy that the noise of this scenario adds, independent between links. "
+        "Whatever the noise does: every run, with w anywhere within the SNR at every instant. "
+        "Where links have unequal E[w_i], one run's means over long holds of w included, spacing "
+        "errors may grow although accelerations do not."
+    )
+    return f"<h2>What is guaranteed{whose}</h2>{text_table(heads, rows)}<p>{note}</p>\n"
 
 
 def findings_section(report: Report) -> str:
@@ -72,12 +91,10 @@ def _meaning(report: Report) -> str:
     mean = ", in the mean of all losses" if verdict.bases.losses else ""
     if verdict.string_stable:
         slow = any(one.loop == WITHOUT_LOSS and not one.sampled for one in verdict.followers)
-        subject = "Sampled fast enough, disturbances" if slow else "Disturbances"
-        return (
-            f"{subject} do not grow from vehicle to vehicle{mean}, in energy, for any lag up to "
-            "tau0 and any mean noise the SNR permits: "
-            f"sup|H| = {weakest.l2_gain:.9g}{weakest.of_loop}. {course}"
-        )
+        subject = "Sampled fast enough, " if slow else ""
+        said = f"{subject}{verdict.guarantee}{mean}"
+        gain = f"sup|H| = {weakest.l2_gain:.9g}{weakest.of_loop}"
+        return f"{said[0].upper()}{said[1:]}: {gain}. {course}"
     if verdict.undecided:
         return f"The gains cannot be certified: {weakest.reason} {course}"
     who = "" if verdict.equal_links else f"vehicle {weakest.follower}, "

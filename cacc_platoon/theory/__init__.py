@@ -25,15 +25,18 @@ from cacc_platoon.theory.explanation import (
     explain_verdict,
     rounded_down,
 )
+from cacc_platoon.theory.guarantees import Guarantee, guarantees
 from cacc_platoon.theory.joint_loop import joint_critical_period, joint_latency_margin
 from cacc_platoon.theory.latency import headway_for_latency, latency_margin
 from cacc_platoon.theory.mean_square import (
     NoiseStatistics,
     largest_variance,
+    leader_error_gain,
     leader_error_norm,
     mean_square_index,
     uniform_error_bound,
 )
+from cacc_platoon.theory.noise_growth import frozen_noise_margin, sampled_mean_square_index
 from cacc_platoon.theory.noise_interval import (
     EffectiveInterval,
     effective_interval,
@@ -96,6 +99,7 @@ from cacc_platoon.theory.unequal_links import (
     ChainCertificate,
     Hop,
     certify_chain,
+    slow_error_ratio,
 )
 
 __all__ = [
@@ -107,6 +111,7 @@ __all__ = [
     "EffectiveInterval",
     "ExactRegion",
     "Failure",
+    "Guarantee",
     "Hop",
     "L2Gain",
     "Margins",
@@ -129,7 +134,9 @@ __all__ = [
     "explain_verdict",
     "fallback_headway",
     "frequency_response",
+    "frozen_noise_margin",
     "gamma",
+    "guarantees",
     "headway_bound",
     "headway_for_latency",
     "headway_slope",
@@ -148,6 +155,7 @@ __all__ = [
     "l2_gain",
     "largest_variance",
     "latency_margin",
+    "leader_error_gain",
     "leader_error_norm",
     "linf_gain",
     "mean_square_index",
@@ -163,8 +171,10 @@ __all__ = [
     "rho_from_snr_db",
     "robust_string_stability_map",
     "rounded_down",
+    "sampled_mean_square_index",
     "sampled_stability_map",
     "sampled_sure_gain",
+    "slow_error_ratio",
     "slowest_time_constant",
     "snr_db_from_rho",
     "stable_gain_range",

@@ -19,8 +19,9 @@ from cacc_platoon.theory.latency import latency_margin
 from cacc_platoon.theory.mean_square import (
     NoiseStatistics,
     leader_error_norm,
-    mean_square_index,
+    worst_leader_error_gain,
 )
+from cacc_platoon.theory.noise_growth import worst_frozen_noise_margin, worst_mean_square_index
 from cacc_platoon.theory.noise_interval import (
     EffectiveInterval,
     effective_gains,
@@ -300,15 +301,26 @@ class Certificate:
 
     @cached_property
     def mean_square_index(self) -> float:
-        """``c_I`` at `tau_max` and the mean noise; below one is bounded."""
-        k = self.gains.k_a * self.noise.mean if self.k_effective is None else self.k_effective
-        return mean_square_index(
-            self.gains,
-            self.tau_max,
-            k,
-            variance=self.noise.variance,
-            redraw_period=self.noise.redraw_period,
+        """Growth of mean-square energy at the mean noise; below one it stays bounded.
+
+        NaN where packets may be lost or late, which changes the noise that is received.
+        """
+        if self.reception < 1.0 or self._late:
+            return math.nan
+        return worst_mean_square_index(
+            self.gains, self.tau_max, self._mean_gain, self.period, self.noise
         )
+
+    @cached_property
+    def frozen_noise_margin(self) -> float:
+        """Margin against noise that is random but constant; NaN as `mean_square_index`."""
+        if self.reception < 1.0 or self._late:
+            return math.nan
+        return worst_frozen_noise_margin(self.gains, self.tau_max, self._mean_gain, self.noise)
+
+    @property
+    def _mean_gain(self) -> float:
+        return self.gains.k_a * self.noise.mean if self.k_effective is None else self.k_effective
 
     @cached_property
     def slowest_time_constant(self) -> float:
@@ -317,8 +329,17 @@ class Certificate:
 
     @cached_property
     def leader_error_norm(self) -> float:
-        """``||Phi||_2`` at `tau_max`, largest over both ends of I."""
-        return max(leader_error_norm(self.gains, self.tau_max, k) for k in self.effective_gains)
+        """``||Phi||_2``, largest over lags and I.
+
+        Its square is a convex function of the lag over a linear one: the worst lag is an end, too.
+        """
+        lags = (self.tau_max,) if self.k_effective is not None else (0.0, self.tau_max)
+        return max(leader_error_norm(self.gains, x, k) for x in lags for k in self.effective_gains)
+
+    @cached_property
+    def leader_error_gain(self) -> float:
+        """Largest ``||delta_i||_2`` per ``||a_{i-1}||_2`` [s^2], in the mean, over lags and I."""
+        return worst_leader_error_gain(self.gains, self.tau_max, self.effective_gains)
 
     @cached_property
     def gain_range(self) -> tuple[float, float] | None:
@@ -350,25 +371,9 @@ def certify(
 
     Parameters
     ----------
-    gains : Gains
-        Controller.
-    rho : float
-        Linear signal-to-noise ratio, > 1.
-    tau_max : float
-        Largest actuation lag ``tau_0`` [s].
-    period : float, optional
-        Control period [s].
-    noise : NoiseStatistics, optional
-        Mean and variance for the mean-square index; no noise by default.
-    reception : float, optional
-        Smallest packet reception probability, losses counted as zero: I reaches down to
-        ``reception (1 - 1/rho) k_a``.
-    k_effective : float, optional
-        Certify for this effective gain at `tau_max` only, instead of the worst case.
-    held : float, optional
-        Packet reception probability of a receiver that holds the last packet.
-    latency : float, optional
-        V2V latency [s] of the joint loop.
+    gains, rho, tau_max, period, noise, reception, k_effective, held, latency
+        The attributes of `Certificate`; no noise of its own by default, but every mean that `rho`
+        permits.
 
     Returns
     -------

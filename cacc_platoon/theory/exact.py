@@ -48,7 +48,7 @@ __all__ = [
 ]
 
 TOLERANCE = 1e-12
-"""Relative slack of the stability conditions; it moves ``sup |H|`` by less than 1e-11."""
+"""Relative slack of the stability conditions."""
 
 
 class Margins(NamedTuple):

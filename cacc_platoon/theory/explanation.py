@@ -165,7 +165,8 @@ def explain_verdict(certificate: Certificate) -> str:
     return (
         f"robustly string stable ({basis}): sup|H| = 1 for every lag up to "
         f"{certificate.tau_max:g} s and all noise of rho >= {certificate.rho:g}"
-        f"{_losses(certificate)}; error energy does not grow along the platoon."
+        f"{_losses(certificate)}; in the mean the energy of a_i, and of delta_i where all links "
+        "are equal, does not grow along the platoon."
         f"{_holding(certificate)}"
     )
 

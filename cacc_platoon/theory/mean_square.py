@@ -18,19 +18,26 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from cacc_platoon.theory.errors import require
 from cacc_platoon.theory.exact import is_string_stable, propagation_margins
+from cacc_platoon.theory.sampled import LAG_FRACTIONS
 from cacc_platoon.theory.transfer import gamma, is_internally_stable
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from cacc_platoon.model.control import Gains
 
 __all__ = [
     "NoiseStatistics",
     "largest_variance",
+    "leader_error_gain",
     "leader_error_norm",
     "mean_square_index",
     "uniform_error_bound",
+    "worst_leader_error_gain",
 ]
 
 
@@ -132,7 +139,53 @@ def leader_error_norm(gains: Gains, tau: float, k_effective: float) -> float:
     b1 = gains.time_headway * k_effective - tau
     b0 = k_effective + gains.time_headway * gains.k_v - 1.0
     energy = b1 * b1 * gains.k_p + b0 * b0
-    return math.sqrt(energy / (2.0 * gains.k_p * (gamma(gains) - tau * gains.k_p)))
+    room = 2.0 * gains.k_p * (gamma(gains) - tau * gains.k_p)
+    return math.sqrt(energy / room) if room > 0 else math.inf
+
+
+def leader_error_gain(gains: Gains, tau: float, k_effective: float) -> float:
+    r"""H-infinity norm of ``Phi``, from ``a_{i-1}`` to ``delta_i``, in s^2.
+
+    ``|Phi|^2 = (b1^2 y + b0^2)/|D|^2`` with ``y = omega^2``, whose turning points are the roots of
+    a cubic; ``|Phi(0)| = |k + h_w k_v - 1|/k_p``. Infinite when not internally stable.
+
+    Examples
+    --------
+    >>> from cacc_platoon.model.control import Gains
+    >>> round(leader_error_gain(Gains(0.95, 0.5, 0.63, 0.009), 0.5, 0.6), 4)
+    22.0556
+    """
+    if not is_internally_stable(gains, tau):
+        return math.inf
+    h, _, k_v, k_p = gains
+    with np.errstate(all="ignore"):  # in x = y/k_p; what overflows has no bound
+        b1, b0 = h * k_effective - tau, k_effective + h * k_v - 1.0
+        above = np.array([b1 * b1 / k_p, (b0 / k_p) ** 2])
+        load, damping = tau * tau * k_p, gamma(gains)
+        below = np.array([load, 1.0 - 2.0 * tau * damping, damping**2 / k_p - 2.0, 1.0])
+        if not (np.isfinite(above).all() and np.isfinite(below).all()):
+            return math.inf
+        slope: NDArray[np.float64] = np.polysub(
+            np.polymul(np.polyder(above), below), np.polymul(above, np.polyder(below))
+        )
+        turning = [0.0, *(float(x) for x in np.roots(slope).real if x > 0)]
+        squares = [np.polyval(above, x) / np.polyval(below, x) for x in turning]
+    return math.sqrt(max(square for square in squares if math.isfinite(square)))
+
+
+def worst_leader_error_gain(gains: Gains, tau_max: float, ends: tuple[float, ...]) -> float:
+    """`leader_error_gain`, largest of 17 lags up to `tau_max` and none, at an end of I.
+
+    It is convex in ``k``.
+
+    Examples
+    --------
+    >>> from cacc_platoon.model.control import Gains
+    >>> round(worst_leader_error_gain(Gains(0.95, 0.5, 0.63, 0.009), 0.5, (0.4, 0.6)), 4)
+    22.0556
+    """
+    lags = LAG_FRACTIONS * tau_max
+    return max(leader_error_gain(gains, float(tau), k) for tau in lags for k in ends)
 
 
 def uniform_error_bound(

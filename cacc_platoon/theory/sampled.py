@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     Float = NDArray[np.float64]
 
 __all__ = [
+    "LAG_FRACTIONS",
     "SampledHop",
     "hold_integrals",
     "in_unit_disc",
@@ -40,13 +41,14 @@ __all__ = [
     "lags_to_try",
     "longest_period",
     "margins_at",
+    "propagation_polynomial",
     "require_held",
     "sampled_hop",
     "sampled_stability_map",
     "stable_at",
 ]
 
-_LAG_FRACTIONS = np.concatenate(([0.0], np.linspace(0.0, 1.0, 17)[1:]))
+LAG_FRACTIONS = np.concatenate(([0.0], np.linspace(0.0, 1.0, 17)[1:]))
 
 
 class SampledHop(NamedTuple):
@@ -170,7 +172,7 @@ def _times(polynomial: tuple[Float, ...], first: Float, period: Float) -> list[F
     return [first * c + period * d for c, d in zip(own, shifted, strict=True)]
 
 
-def _propagation_polynomial(hop: SampledHop, period: Float) -> tuple[Float, Float]:
+def propagation_polynomial(hop: SampledHop, period: Float) -> tuple[Float, Float]:
     """Coefficients of ``q(eta)`` from the lowest power up, and the sizes of their terms."""
     n = len(hop.denominator)
     error = [d - c for d, c in zip(hop.denominator, hop.numerator, strict=True)]
@@ -232,7 +234,7 @@ def sampled_stability_map(
 def _margin(hop: SampledHop, period: ArrayLike) -> Float:
     """Find the least ``q`` over the size of its terms on ``(0, 4/T^2]``; -inf if unstable."""
     T = np.broadcast_to(np.asarray(period, dtype=float), hop.loop[0].shape)
-    q, size = _propagation_polynomial(hop, T)
+    q, size = propagation_polynomial(hop, T)
     scale = np.multiply.accumulate(np.broadcast_to(4.0 / T**2, q.shape)[1:], axis=0)
     q[1:] *= scale
     size[1:] *= scale
@@ -289,7 +291,7 @@ def margins_at(
 def lags_to_try(tau_max: float, k_effective: float | None) -> Float:
     """List the lags that stand for all up to `tau_max`; that one alone for a `k_effective`."""
     require_positive("tau_max", tau_max, "s")
-    return tau_max * _LAG_FRACTIONS if k_effective is None else np.array([tau_max])
+    return tau_max * LAG_FRACTIONS if k_effective is None else np.array([tau_max])
 
 
 def longest_period(gains: Gains, tau_max: float) -> float:

@@ -14,6 +14,7 @@ import numpy as np
 
 from cacc_platoon.theory.errors import require
 from cacc_platoon.theory.exact import is_string_stable, l2_gain
+from cacc_platoon.theory.noise_interval import effective_interval
 from cacc_platoon.theory.transfer import frequency_response, poles
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 
     from cacc_platoon.model.control import Gains
 
-__all__ = ["ChainCertificate", "Hop", "certify_chain"]
+__all__ = ["ChainCertificate", "Hop", "certify_chain", "slow_error_ratio"]
 
 
 class Hop(NamedTuple):
@@ -51,6 +52,25 @@ class ChainCertificate(NamedTuple):
     hop_gains: tuple[float, ...]
     end_to_end_gain: float
     weakest: int
+
+
+def slow_error_ratio(gains: Gains, rho: float) -> float:
+    """Factor by which one hop may multiply slow spacing errors where ``E[w_i]`` differ.
+
+    ``Phi_i(0)/Phi_{i-1}(0) = (M k_a + h_w k_v - 1)/(m k_a + h_w k_v - 1)``; it exceeds one for
+    every design, although the accelerations do not grow. Where the two have opposite signs some
+    pair of means within I makes it infinite.
+
+    Examples
+    --------
+    >>> from cacc_platoon.model.control import Gains
+    >>> round(slow_error_ratio(Gains(0.95, 0.5, 0.63, 0.009), 5.0), 6)
+    -132.333333
+    """
+    low, high = effective_interval(gains.k_a, rho)
+    rest = gains.time_headway * gains.k_v - 1.0
+    smallest = low + rest
+    return (high + rest) / smallest if abs(smallest) > 1e-12 else math.inf
 
 
 def certify_chain(links: Sequence[Hop]) -> ChainCertificate:

@@ -12,13 +12,14 @@ from cacc_platoon.analysis import (
     judge,
     warn_if_not_string_stable,
 )
+from cacc_platoon.analysis.guarantee import noise_statistics
 from cacc_platoon.design import Requirements, assess
 from cacc_platoon.report import metrics_document
 from cacc_platoon.report.metrics_json import verdict_document as metrics_of
 from cacc_platoon.reproduction.cases import CASES, case_scenario
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.simulation import simulate
-from cacc_platoon.theory import certify, exact_region
+from cacc_platoon.theory import NoiseStatistics, certify, exact_region
 
 
 def warning_of(scenario: Scenario) -> str:
@@ -154,8 +155,13 @@ def test_verdict_and_design_read_the_same_certificate():
     scenario = case_scenario(CASES[0])
     gains, rho = scenario.followers[0].gains, scenario.v2v.rho
     own = judge(scenario).weakest.certificate
-    assert own == certify(gains, rho, scenario.vehicle.tau_max, period=scenario.run.step)
-    assert own == assess(gains, rho, scenario.vehicle.tau_max).certificate
+    noise = noise_statistics(scenario.followers[0], scenario.run.step)
+    assert (noise.mean, noise.variance) == pytest.approx((1.04817, 0.00921520), rel=1e-5)
+    assert own == certify(
+        gains, rho, scenario.vehicle.tau_max, period=scenario.run.step, noise=noise
+    )
+    calm = dataclasses.replace(own, noise=NoiseStatistics(redraw_period=0.01))
+    assert calm == assess(gains, rho, scenario.vehicle.tau_max).certificate
     assert Requirements(max_linf=1.03).unmet(own) == ("L-infinity gain 1.03956 is above 1.03",)
 
 
@@ -163,9 +169,9 @@ def test_equal_followers_share_one_certificate():
     own = {2: {"controller.k_v": 0.7}}
     followers = judge(Scenario.from_values({"platoon.followers": 50}, own)).followers
     assert len({id(one.certificate) for one in followers}) == 2
-    assert followers[1].certificate == certify(
-        Scenario.from_values({}, own).followers[1].gains, 5.0, 0.5
-    )
+    second = Scenario.from_values({}, own).followers[1]
+    noise = noise_statistics(second, 0.01)
+    assert followers[1].certificate == certify(second.gains, 5.0, 0.5, noise=noise)
 
 
 def test_reason_of_a_follower_is_the_condition_of_its_failure():

@@ -126,7 +126,9 @@ def test_summary_says_the_verdict_first(reported):
     report = reported[0]
     lines = summary(report, metrics_document(report)).splitlines()
     assert lines[0].startswith("STRING STABLE")
-    assert "exact test" in lines[1]
+    assert lines[1].startswith("  in the mean over the noise, for every lag up to 0.5 s")
+    assert "every E[w] that all links share, |a_i|_2 and |delta_i|_2 do not grow" in lines[1]
+    assert "exact test" in lines[2]
     assert any("paper's Theorem 2" in line for line in lines)
     for peak in metrics_document(report)["max_abs_spacing_error"]:
         assert f"{peak:.6f}" in summary(report, metrics_document(report))

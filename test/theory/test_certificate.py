@@ -1,6 +1,7 @@
 """The certificate: each part against the worst of many lags and gains, computed when read."""
 
 import dataclasses
+import math
 import pickle
 
 import numpy as np
@@ -24,12 +25,13 @@ from cacc_platoon.theory import (
     joint_latency_margin,
     l2_gain,
     latency_margin,
+    leader_error_gain,
     leader_error_norm,
     linf_gain,
-    mean_square_index,
     slowest_time_constant,
     stable_gain_range,
 )
+from cacc_platoon.theory.noise_growth import worst_mean_square_index
 
 A = Gains(0.95, 0.5, 0.63, 0.009)
 SHORT = Gains(0.65, 0.5, 0.63, 0.009)
@@ -52,8 +54,12 @@ def test_every_part_is_the_worst_of_both_ends_of_the_interval(gains, reception):
     assert (certificate.l2_gain, certificate.peak_frequency) == worst
     at_largest_lag = max(linf_gain(gains, 0.5, k) for k in ends)
     assert certificate.linf_gain >= at_largest_lag * (1 - 1e-12)
-    assert certificate.leader_error_norm == max(leader_error_norm(gains, 0.5, k) for k in ends)
     assert certificate.internally_stable == is_internally_stable(gains, 0.5)
+    lags = np.linspace(1e-9, 0.5, 60)
+    errors = max(leader_error_norm(gains, tau, k) for k in ends for tau in lags)
+    assert certificate.leader_error_norm == pytest.approx(errors, rel=1e-6)
+    errors = max(leader_error_gain(gains, tau, k) for k in ends for tau in lags)
+    assert errors <= certificate.leader_error_gain * 1.02
     assert certificate.slowest_time_constant == slowest_time_constant(gains, 0.5)
     assert certificate.gain_range == stable_gain_range(gains, 0.5)
 
@@ -108,8 +114,9 @@ def test_parts_agree_with_the_functions_of_their_names():
     assert certificate.joint_latency_margin == joint_latency_margin(A, 5.0, 0.5, 0.05)
     assert certificate.joint_critical_period == joint_critical_period(A, 5.0, 0.5, latency=0.02)
     assert certificate.latency_margin == latency_margin(A, 5.0, 0.5)
-    index = mean_square_index(A, 0.5, 0.5 * 1.048, variance=0.0092, redraw_period=0.01)
-    assert certificate.mean_square_index == index
+    index = worst_mean_square_index(A, 0.5, 0.5 * 1.048, 0.05, noise)
+    assert dataclasses.replace(certificate, latency=0.0).mean_square_index == index
+    assert math.isnan(certificate.mean_square_index)
 
 
 def test_held_packets_shorten_the_critical_period():
@@ -161,7 +168,7 @@ def test_only_what_is_read_is_computed():
 def test_all_parts_at_once():
     parts = certify(A, 5.0, 0.5).parts()
     assert {"string_stable", "l2_gain", "peak_frequency", "linf_gain", "interval"} <= set(parts)
-    assert len(parts) == 22
+    assert len(parts) == 24
     assert not any(name.startswith("_") for name in parts)
 
 

@@ -1,0 +1,43 @@
+"""What a verdict guarantees, in one sentence, and the noise that it is judged with."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from cacc_platoon.model.noise import expected_factor, factor_variance
+from cacc_platoon.theory import NoiseStatistics
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from cacc_platoon.scenario import Follower
+    from cacc_platoon.theory import Certificate
+
+
+def guarantee_of(certificates: Sequence[Certificate], *, equal_links: bool) -> str:
+    """Say what certificates prove, of which signal, in which norm, for which noise and links."""
+    if not certificates:
+        return "nothing is guaranteed"
+    rest = "in the mean over the noise, for every lag up to"
+    if equal_links:
+        return (
+            f"{rest} {certificates[0].tau_max:g} s and every E[w] that all links share, |a_i|_2 "
+            "and |delta_i|_2 do not grow from vehicle to vehicle"
+        )
+    worst = max(certificate.leader_error_gain for certificate in certificates)
+    return (
+        f"{rest} its tau0 and every E[w_i], |a_i|_2 does not grow from vehicle to vehicle; "
+        f"spacing errors may, links being unequal: |delta_i|_2 <= {worst:.4g} s^2 |a_0|_2"
+    )
+
+
+def noise_statistics(follower: Follower, step: float) -> NoiseStatistics:
+    """Mean, variance and redraw period of a follower's bit channel, or of no noise at all."""
+    v2v = follower.v2v
+    redraw = follower.hold_steps * step
+    if v2v.noise == "none":
+        return NoiseStatistics(redraw_period=redraw)
+    mean = expected_factor(v2v.rho, v2v.bit_probabilities)
+    if v2v.noise == "expected":
+        return NoiseStatistics(mean, redraw_period=redraw)
+    return NoiseStatistics(mean, factor_variance(v2v.rho, v2v.bit_probabilities), redraw)

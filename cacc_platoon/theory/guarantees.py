@@ -1,0 +1,138 @@
+"""What a design guarantees against which noise, in words: one table for every place that says it.
+
+In the mean is a statement about expectations, with every ``E[w]`` in ``[m, M]``. In the mean square
+is one about the energy that noise of given statistics adds. Whatever the noise does is one about
+every run: ``w(t)`` anywhere in ``[m, M]`` at every instant
+(docs/theory.md, section 13 (What is proven and what is numerical)).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+from cacc_platoon.theory.errors import DesignError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from cacc_platoon.theory.certificate import Certificate
+    from cacc_platoon.theory.peak_gains import WorstGain
+
+__all__ = ["Guarantee", "guarantees"]
+
+NONE = "-"
+
+
+class Guarantee(NamedTuple):
+    """What holds for one signal; ``-`` where nothing is said.
+
+    Attributes
+    ----------
+    signal : str
+        Of which signal, in which norm.
+    mean, mean_square, sure : str
+        In the mean, in the mean square, and whatever the noise does.
+    """
+
+    signal: str
+    mean: str
+    mean_square: str
+    sure: str
+
+
+def guarantees(certificate: Certificate, *, equal_links: bool = True) -> tuple[Guarantee, ...]:
+    """Say what a design guarantees.
+
+    Parameters
+    ----------
+    certificate : Certificate
+        The design.
+    equal_links : bool, optional
+        Whether all vehicles and links are equal, ``E[w_i]`` too, so that
+        ``delta_i = H delta_{i-1}``.
+
+    Examples
+    --------
+    >>> from cacc_platoon.model.control import Gains
+    >>> from cacc_platoon.theory.certificate import certify
+    >>> for row in guarantees(certify(Gains(0.95, 0.5, 0.63, 0.009), 5.0, 0.5))[:2]:
+    ...     print(row.signal, "|", row.mean)
+    energy of a_i | does not grow: sup|H| = 1
+    peaks of a_i | grow by a factor of at most 1.04 per hop (no lag above 1.05)
+    """
+    stable = certificate.string_stable
+    gain = f"sup|H| = {certificate.l2_gain:.7g}"
+    return (
+        Guarantee(
+            "energy of a_i",
+            f"does not grow: {gain}" if stable else f"may grow: {gain}",
+            _mean_square(certificate),
+            "no design keeps it from growing",
+        ),
+        Guarantee(
+            "peaks of a_i",
+            _known(lambda: _peaks(certificate.worst_linf_gain)),
+            NONE,
+            _known(lambda: _peaks(certificate.worst_sure_gain)),
+        ),
+        Guarantee("energy of delta_i", _error_energy(certificate, equal=equal_links), NONE, NONE),
+        Guarantee(
+            "peaks of delta_i",
+            f"at most {certificate.leader_error_norm:.4g} |a_0|_2" if stable else NONE,
+            NONE,
+            _known(lambda: _error_peaks(certificate)),
+        ),
+        Guarantee("a_i, noise that never changes", NONE, _frozen(certificate), NONE),
+    )
+
+
+def _known(say: Callable[[], str]) -> str:
+    try:
+        return say()
+    except DesignError:
+        return "out of reach: the loop rings too long"
+
+
+def _mean_square(certificate: Certificate) -> str:
+    index = certificate.mean_square_index
+    if math.isnan(index):
+        return "not known: packets are lost or late, or the noise is as good as frozen"
+    if index >= 1.0:
+        return f"grows from vehicle to vehicle: c_T = {index:.4g}"
+    if index == 0.0:
+        return "no noise is given"
+    return f"at most {1.0 / (1.0 - index):.6g} times the leader's, and falls: c_T = {index:.4g}"
+
+
+def _frozen(certificate: Certificate) -> str:
+    margin = certificate.frozen_noise_margin
+    if math.isnan(margin):
+        return "not known: packets are lost or late"
+    if margin < 0:
+        return f"E|a_i(jw)|^2 may grow: margin {margin:.4g}"
+    return f"E|a_i(jw)|^2 does not grow at any frequency: margin {margin:.4g}"
+
+
+def _peaks(worst: WorstGain) -> str:
+    if not math.isfinite(worst.gain):
+        return "grow without bound"
+    if worst.gain <= 1.0 + 1e-9:
+        return "do not grow"
+    bound = math.ceil(worst.at_most * 100.0 - 1e-9) / 100.0
+    return f"grow by a factor of at most {worst.gain:.4g} per hop (no lag above {bound:.2f})"
+
+
+def _error_energy(certificate: Certificate, *, equal: bool) -> str:
+    if not certificate.string_stable:
+        return "may grow"
+    if equal:
+        return "does not grow from the second vehicle on"
+    return f"may grow; at most {certificate.leader_error_gain:.4g} s^2 |a_0|_2"
+
+
+def _error_peaks(certificate: Certificate) -> str:
+    error, gain = certificate.worst_sure_error_gain.at_most, certificate.worst_sure_gain.at_most
+    if not math.isfinite(error):
+        return "grow without bound"
+    return f"at most {error:.4g} s^2 max|a_(i-1)|, and {error:.4g} * {gain:.4g}^(i-1) s^2 max|a_0|"

@@ -1,0 +1,99 @@
+"""What a verdict guarantees is said of the right signal, and holds in the platoon it is said of."""
+
+import numpy as np
+import pytest
+
+from cacc_platoon.analysis import judge
+from cacc_platoon.model import Gains
+from cacc_platoon.report.metrics_json import verdict_document
+from cacc_platoon.scenario import Scenario
+from cacc_platoon.simulation import simulate, simulate_mean
+from cacc_platoon.theory import (
+    NoiseStatistics,
+    certify,
+    guarantees,
+    sampled_sure_gain,
+    slow_error_ratio,
+)
+
+SETTINGS = {"run.duration": 200.0, "platoon.followers": 4}
+RARELY = {"v2v.bit_probabilities": [0.001] * 16}
+OFTEN = {"v2v.bit_probabilities": [0.999] * 16}
+
+
+def errors(run):
+    return np.sqrt(np.sum(run.spacing_error**2, axis=0) * 0.01)
+
+
+def test_links_with_unequal_means_multiply_spacing_errors_and_the_verdict_says_so():
+    """Case A with E[w_1] next to m and the others next to M: max|delta| grows 19 times and more."""
+    scenario = Scenario.from_values({**SETTINGS, **OFTEN}, {1: RARELY})
+    verdict = judge(scenario)
+    assert verdict.string_stable
+    assert not verdict.equal_links
+    said = verdict.guarantee
+    assert "|a_i|_2 does not grow from vehicle to vehicle" in said
+    assert "spacing errors may" in said
+    mean = simulate_mean(scenario)
+    peaks = np.max(np.abs(mean.spacing_error), axis=0)
+    assert peaks[1] > 19 * peaks[0]
+    energy = np.sqrt(np.sum(mean.acceleration**2, axis=0) * 0.01)
+    assert (np.diff(energy) <= 1e-9).all()
+    bound = float(said.rpartition("<= ")[2].split()[0])
+    assert (errors(mean) <= bound * 1.001 * energy[0]).all()
+    rows = {row.signal: row for row in verdict.guarantees}
+    assert rows["energy of delta_i"].mean.startswith("may grow; at most ")
+    assert abs(slow_error_ratio(scenario.followers[0].gains, 5.0)) > 100
+
+
+def test_equal_links_keep_spacing_errors_too():
+    scenario = Scenario.from_values(SETTINGS)
+    verdict = judge(scenario)
+    assert verdict.guarantee.endswith("|a_i|_2 and |delta_i|_2 do not grow from vehicle to vehicle")
+    assert (np.diff(errors(simulate_mean(scenario))) <= 1e-9).all()
+    document = verdict_document(verdict)
+    assert document["guarantee"] == verdict.guarantee
+    assert document["guarantees"][0]["signal"] == "energy of a_i"
+
+
+def test_held_noise_exceeds_the_mean_gain_and_never_the_sure_one():
+    """Hops of accelerations of case A, w redrawn each second; those of delta reach 1.22."""
+    scenario = Scenario.from_values({**SETTINGS, "v2v.hold": 1.0, "platoon.followers": 12})
+    verdict = judge(scenario)
+    assert verdict.sure_gain > sampled_sure_gain(scenario.followers[0].gains, 5.0, 0.5, 0.01) - 1e-9
+    for seed in (1, 2, 3):
+        run = simulate(scenario.with_values({"run.seed": seed}))
+        peaks = np.max(np.abs(run.acceleration), axis=0)
+        assert (peaks[1:] / peaks[:-1]).max() <= verdict.sure_gain
+
+
+def test_noise_that_is_held_for_longer_adds_more_energy():
+    said = []
+    for hold in (0.0, 0.1, 1.0):
+        verdict = judge(Scenario.from_values({**SETTINGS, "v2v.hold": hold}))
+        said.append(verdict.guarantees[0].mean_square)
+        assert said[-1].startswith("at most 1.0")
+    values = [float(text.rpartition(" ")[2]) for text in said]
+    assert values[0] <= values[1] < values[2]
+
+
+def test_noise_beyond_the_channel_may_grow_in_the_mean_square_where_the_mean_is_stable():
+    wild = NoiseStatistics(1.0, 400.0, 0.01)
+    rows = guarantees(certify(Gains(0.95, 0.5, 0.63, 0.009), 5.0, 0.5, noise=wild))
+    assert rows[0].mean == "does not grow: sup|H| = 1"
+    assert rows[0].mean_square.startswith("grows from vehicle to vehicle: c_T = ")
+    assert rows[-1].mean_square.startswith("E|a_i(jw)|^2 may grow: margin -")
+
+
+@pytest.mark.parametrize("setting", [{"v2v.loss": 0.1, "v2v.reception": "zero"}, {"v2v.loss": 0.1}])
+def test_what_is_not_known_under_loss_is_not_said(setting):
+    verdict = judge(Scenario.from_values({**SETTINGS, **setting}))
+    assert verdict.guarantees[0].mean_square.startswith("not known")
+    calm = judge(Scenario.from_values({**SETTINGS, "v2v.noise": "none"}))
+    assert calm.guarantees[0].mean_square == "no noise is given"
+
+
+def test_nothing_is_guaranteed_of_a_platoon_that_is_not_string_stable():
+    verdict = judge(Scenario.from_values({**SETTINGS, "controller.time_headway": 0.65}))
+    assert verdict.guarantee == "nothing is guaranteed"
+    assert verdict.guarantees[0].mean.startswith("may grow: sup|H| = 1.0")
