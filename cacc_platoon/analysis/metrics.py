@@ -53,7 +53,10 @@ class Metrics:
     max_abs_acceleration, rms_acceleration, max_abs_jerk, rms_jerk : ndarray, shape (N + 1,)
         Of vehicles 0..N [m/s^2], [m/s^3]; jerk is (a(k+1) - a(k)) / T.
     min_gap, min_time_headway, mean_time_headway : ndarray
-        Smallest x_{i-1} - x_i [m]; time headway kept, (gap - d) / v_i [s] where v_i > 0.
+        Smallest x_{i-1} - x_i [m] less the length of the vehicle ahead; time headway kept,
+        (x_{i-1} - x_i - d) / v_i [s] where v_i > 0.
+    sure_min_gap : ndarray
+        What no gap falls below between the samples either [m].
     min_time_to_collision : ndarray
         Smallest gap over closing speed [s]; infinite when nobody closed in.
     platoon_length : PlatoonLength
@@ -82,6 +85,7 @@ class Metrics:
     max_abs_jerk: Array
     rms_jerk: Array
     min_gap: Array
+    sure_min_gap: Array
     min_time_headway: Array
     mean_time_headway: Array
     min_time_to_collision: Array
@@ -130,6 +134,7 @@ def compute_metrics(run: Trajectory) -> Metrics:
         max_abs_jerk=_over_time(np.nanmax, np.abs(jerk)),
         rms_jerk=_rms(jerk),
         min_gap=_over_time(np.nanmin, run.gap),
+        sure_min_gap=_over_time(np.nanmin, _least_between(run)),
         min_time_headway=_over_time(np.nanmin, headway),
         mean_time_headway=_over_time(np.nanmean, headway),
         min_time_to_collision=time_to_collision(run),
@@ -189,10 +194,28 @@ def _settling_time(error: Array, peak: Array, time: Array) -> Array:
 def _headway(run: Trajectory) -> Array:
     """Return the time headway kept, (gap - d)/v_i [s], NaN where the vehicle stands."""
     speed = run.velocity[:, 1:]
-    free = run.gap - run.scenario.platoon.standstill_distance
+    free = run.spacing - run.scenario.platoon.standstill_distance
     headway = np.full(free.shape, np.nan)
     np.divide(free, speed, out=headway, where=speed > STILL)
     return headway
+
+
+def _least_between(run: Trajectory) -> Array:
+    """Return what the gap stays above from each sample to the next [m], shape (samples - 1, N).
+
+    Under a held command an acceleration goes from one sample's value to the next without turning,
+    so that the gap lies above the parabola of the least relative acceleration of the two.
+    """
+    T = run.scenario.run.step
+    least = np.minimum(run.acceleration[1:], run.acceleration[:-1])[:, :-1]
+    most = np.maximum(run.acceleration[1:], run.acceleration[:-1])[:, 1:]
+    relative = least - most
+    opening = (run.velocity[:, :-1] - run.velocity[:, 1:])[:-1]
+    turning = np.divide(-opening, relative, out=np.full_like(opening, T), where=relative > 0.0)
+    at = np.where(opening < 0.0, np.clip(turning, 0.0, T), np.where(relative < 0.0, T, 0.0))
+    gap = run.gap
+    lowest = np.minimum(gap[:-1] + (opening + 0.5 * relative * at) * at, gap[:-1])
+    return np.asarray(np.minimum(lowest, gap[1:]), dtype=np.float64)
 
 
 def time_to_collision(run: Trajectory) -> Array:

@@ -80,7 +80,9 @@ def _motion_pictures(report: Report) -> Iterator[Picture]:
     yield Picture(
         "gaps",
         "Gaps",
-        "Front bumper to front bumper; zero is a collision.",
+        "From the front of a vehicle to the rear of the one ahead; zero is a collision."
+        if any(run.scenario.lengths)
+        else "Point to point: d and the gap include the vehicle ahead, since vehicle.length is 0.",
         lambda axes: motion.plot_gaps(axes, run),
     )
     yield Picture(

@@ -117,6 +117,7 @@ def _metrics(metrics: Metrics) -> dict[str, Any]:
         "hop_ratio": {"max": metrics.hop_ratio_max, "l2": metrics.hop_ratio_l2},
         "min_gap": _smallest(metrics.min_gap),
         "min_gap_per_follower": metrics.min_gap,
+        "sure_min_gap": _smallest(metrics.sure_min_gap),
         "first_collision": {"follower": collided[0], "time": collided[1]} if collided else None,
         **_reception(metrics.reception),
     }

@@ -127,12 +127,18 @@ def _fact_lines(report: Report, facts: dict[str, Any]) -> list[str]:
         " (one run proves nothing)",
         f"  platoon length: {_number(length['initial'], 'm')} at first, "
         f"{_number(length['max'], 'm')} at most, {_number(length['final'], 'm')} at last; "
-        f"smallest gap {gap}, {safety}",
+        f"smallest gap {gap}{_of_points(report)}, {safety}",
         f"  noise w: mean {_number(noise['mean_w'])}, from {_number(noise['min_w'])} to "
         f"{_number(noise['max_w'])}, SNR {_number(noise['snr_db'], 'dB')}",
         *_packet_lines(report, facts),
         f"  digest {report.run.digest}",
     ]
+
+
+def _of_points(report: Report) -> str:
+    """Say that gaps include vehicles, where these are points."""
+    points = not any(report.run.trajectory.scenario.lengths)
+    return " (vehicle.length is 0: the vehicle ahead included)" if points else ""
 
 
 def _packet_lines(report: Report, facts: dict[str, Any]) -> list[str]:

@@ -225,6 +225,7 @@ def _outcome_table(metrics: dict[str, Any]) -> str:
         ("platoon length at most", "m", "platoon_length.max", ".3f"),
         ("platoon length at last", "m", "platoon_length.final", ".3f"),
         ("smallest gap", "m", "min_gap", ".3f"),
+        ("no gap falls below, between samples either", "m", "sure_min_gap", ".3f"),
         ("mean of w over all links", "-", "noise.mean_w", ".6f"),
         ("smallest w", "-", "noise.min_w", ".6f"),
         ("largest w", "-", "noise.max_w", ".6f"),

@@ -46,6 +46,7 @@ class Follower:
     seed: int
     hold_steps: int
     law_name: str = ""
+    length: float = 0.0
 
     @property
     def index(self) -> int:

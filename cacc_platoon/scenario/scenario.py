@@ -196,7 +196,13 @@ class Scenario:
             self.run.seed,
             max(1, round(v2v.hold / self.run.step)),
             picked["controller.law"],
+            picked["vehicle.length"],
         )
+
+    @property
+    def lengths(self) -> tuple[float, ...]:
+        """The lengths of all vehicles [m], the leader's first: the common one."""
+        return (self.vehicle.length, *(follower.length for follower in self.followers))
 
     @property
     def indices(self) -> range:

@@ -57,6 +57,14 @@ class Vehicle:
     tau_max: float = parameter(
         0.5, "s", "tau0, the largest lag the design must tolerate", above=0.0, at_most=1e6
     )
+    length: float = parameter(
+        0.0,
+        "m",
+        "the length of the vehicle, which gaps and collisions count; 0 for a point, so that d and "
+        "the gap include the vehicle ahead",
+        at_least=0.0,
+        at_most=1e3,
+    )
 
 
 @dataclass(frozen=True)

@@ -97,9 +97,14 @@ class Trajectory:
         return np.stack(columns, axis=1)
 
     @cached_property
-    def gap(self) -> Array:
+    def spacing(self) -> Array:
         """x_{i-1} - x_i [m] of followers 1..N, shape (samples, N)."""
         return self.position[:, :-1] - self.position[:, 1:]
+
+    @cached_property
+    def gap(self) -> Array:
+        """`spacing` less the length of the vehicle ahead [m], shape (samples, N)."""
+        return np.asarray(self.spacing - np.array(self.scenario.lengths[:-1]), dtype=np.float64)
 
     @cached_property
     def platoon_length(self) -> Array:
