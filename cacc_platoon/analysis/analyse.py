@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from cacc_platoon.analysis.braking import WorstBraking, worst_braking
 from cacc_platoon.analysis.consistency import Consistency, check_consistency
 from cacc_platoon.analysis.metrics import Metrics, compute_metrics
 from cacc_platoon.analysis.standing import Recomputation, Standing, recompute, standing_of
@@ -66,6 +67,11 @@ class Report:
     def proven(self) -> bool:
         """Whether string stability is proven of a run whose data stand: what --check asks for."""
         return self.verdict.certified and self.standing.stands
+
+    @cached_property
+    def worst_braking(self) -> WorstBraking | None:
+        """The least gap over all brakings of the leader, where theory knows it."""
+        return worst_braking(self.run.trajectory.scenario, self.verdict)
 
     @cached_property
     def recomputed(self) -> Recomputation:

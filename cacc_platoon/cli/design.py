@@ -63,6 +63,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     limits.add_argument(
         "--max-linf", type=float, help="largest L-infinity gain of the mean hop, every lag, >= 1"
     )
+    limits.add_argument(
+        "--min-gap", type=float, help="least gap over all brakings of the leader [m], in the mean"
+    )
+    limits.add_argument("--braking", type=float, default=8.0, help="its deceleration [m/s^2] (8)")
+    limits.add_argument("--speed", type=float, default=25.0, help="the speed before it [m/s] (25)")
+    limits.add_argument(
+        "--standstill-gap", type=float, default=5.0, help="gap at rest, d less a length [m] (5)"
+    )
     limits.add_argument("--max-time-constant", type=float, help="slowest mode allowed [s]")
     limits.add_argument(
         "--recommend", action="store_true", help="recommend designs although one is given"
@@ -162,6 +170,10 @@ def _question(args: argparse.Namespace) -> Question:
         latency=args.latency,
         reception=args.reception,
         hold=args.lost == "hold",
+        min_gap=args.min_gap,
+        braking=args.braking,
+        speed=args.speed,
+        standstill_gap=args.standstill_gap,
         max_headway=args.max_headway,
         max_linf=args.max_linf,
         max_time_constant=args.max_time_constant,

@@ -20,6 +20,7 @@ from cacc_platoon.theory.mean_square import NoiseStatistics
 from cacc_platoon.theory.noise_interval import checked_interval
 from cacc_platoon.theory.region import infimum_headway, minimum_headway
 from cacc_platoon.theory.theorem2 import optimum, paper_region
+from cacc_platoon.theory.worst_braking import worst_spacing
 
 __all__ = ["Design", "Recommendation", "Requirements", "assess", "paper_design"]
 
@@ -42,6 +43,10 @@ class Requirements:
         counts as zero, and any reception from this to 1 is covered.
     max_headway : float or None
         Longest headway [s]; default ``2.5 tau_max``.
+    min_gap : float or None
+        Least gap [m] over all brakings of the leader with up to `braking` from `speed` to rest.
+    braking, speed, standstill_gap : float
+        Deceleration [m/s^2], speed [m/s], and gap at rest [m]: ``d`` less the vehicle's length.
     max_linf : float or None
         Largest L-infinity gain of the mean hop over all lags, >= 1.
     max_time_constant : float or None
@@ -54,6 +59,10 @@ class Requirements:
     latency: float = 0.0
     reception: float = 1.0
     hold: bool = False
+    min_gap: float | None = None
+    braking: float = 8.0
+    speed: float = 25.0
+    standstill_gap: float = 5.0
     max_headway: float | None = None
     max_linf: float | None = None
     max_time_constant: float | None = None
@@ -123,6 +132,10 @@ class Requirements:
                 f"critical period {critical:.4g} s{late}{self._losing()} is not above "
                 f"{self.period:.4g} s"
             )
+        if self.min_gap is not None:
+            gap = self.worst_gap(certificate)
+            if gap < self.min_gap:
+                missed.append(f"worst gap {gap:.4g} m is below {self.min_gap:.4g} m")
         for value, limit, text, unit in (
             (certificate.gains.time_headway, self.max_headway, "headway", " s"),
             (certificate.linf_gain, self.max_linf, "L-infinity gain", ""),
@@ -136,6 +149,24 @@ class Requirements:
             if limit is not None and value > limit:
                 missed.append(f"{text} {value:.6g}{unit} is above {limit:.6g}{unit}")
         return tuple(missed)
+
+    def worst_gap(self, certificate: Certificate) -> float:
+        """Least gap [m] of the first three followers over all brakings, in the mean.
+
+        Of both ends of I and three lags, the largest, half of it and a tenth.
+        """
+        lags = [x * certificate.tau_max for x in (1.0, 0.5, 0.1) for _ in certificate.interval]
+        gaps = worst_spacing(
+            certificate.gains,
+            lags,
+            [*certificate.interval] * 3,
+            standstill_distance=self.standstill_gap,
+            speed=self.speed,
+            deceleration=self.braking,
+            vehicles=3,
+            steps=10.0,
+        )
+        return float(np.min(gaps))
 
     def _losing(self) -> str:
         if self.reception == 1.0:
@@ -167,6 +198,15 @@ class Requirements:
             0 <= self.latency < math.inf,
             f"latency = {self.latency:g} s is not a finite, nonnegative time: no margin can cover "
             "it. Give the largest V2V latency in seconds.",
+        )
+        require_positive("braking", self.braking, "m/s^2")
+        require_positive("speed", self.speed, "m/s")
+        require(
+            math.isfinite(self.standstill_gap)
+            and (self.min_gap is None or 0 <= self.min_gap < self.standstill_gap),
+            f"min_gap = {self.min_gap} m is not from 0 to below {self.standstill_gap:g} m, the gap "
+            "at rest, to which every stop leads: no design keeps it. Lower min_gap or raise the "
+            "standstill gap.",
         )
         for name in ("max_headway", "max_linf", "max_time_constant", "time_headway"):
             value = getattr(self, name)

@@ -32,6 +32,7 @@ def metrics_document(report: Report) -> dict[str, Any]:
             "format": FORMAT.version,
             "scenario": scenario.name,
             "headline": report.headline,
+            "worst_braking": report.worst_braking._asdict() if report.worst_braking else None,
             "proven": report.proven,
             "standing": report.standing.to_json(),
             "followers": scenario.platoon.followers,

@@ -101,6 +101,7 @@ from cacc_platoon.theory.unequal_links import (
     certify_chain,
     slow_error_ratio,
 )
+from cacc_platoon.theory.worst_braking import worst_spacing
 
 __all__ = [
     "TOLERANCE",
@@ -184,6 +185,7 @@ __all__ = [
     "uniform_error_bound",
     "worst_l2_gain",
     "worst_linf_gain",
+    "worst_spacing",
     "worst_sure_error_gain",
     "worst_sure_gain",
 ]

@@ -160,7 +160,7 @@ def leader_error_gain(gains: Gains, tau: float, k_effective: float) -> float:
     h, _, k_v, k_p = gains
     with np.errstate(all="ignore"):  # in x = y/k_p; what overflows has no bound
         b1, b0 = h * k_effective - tau, k_effective + h * k_v - 1.0
-        above = np.array([b1 * b1 / k_p, (b0 / k_p) ** 2])
+        above = np.array([b1 / k_p * b1, b0 / k_p * (b0 / k_p)])
         load, damping = tau * tau * k_p, gamma(gains)
         below = np.array([load, 1.0 - 2.0 * tau * damping, damping**2 / k_p - 2.0, 1.0])
         if not (np.isfinite(above).all() and np.isfinite(below).all()):

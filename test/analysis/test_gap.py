@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cacc_platoon.analysis import compute_metrics
+from cacc_platoon.analysis import compute_metrics, judge
+from cacc_platoon.analysis.braking import worst_braking
 from cacc_platoon.model import State, ThirdOrderPlant
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import load_scenario
@@ -44,7 +45,7 @@ def test_a_truck_in_the_middle_shortens_the_gap_behind_it():
 
 
 def test_what_touches_with_its_length_has_collided():
-    near = {**BRAKING, "platoon.standstill_distance": 3.0, "leader.hold": 3.1}
+    near = {**BRAKING, "platoon.standstill_distance": 3.0, "platoon.initial_speed": 1.0}
     assert compute_metrics(simulate(Scenario.from_values(near))).first_collision is None
     touching = Scenario.from_values({**near, "vehicle.length": 4.5})
     assert compute_metrics(simulate(touching)).first_collision is not None
@@ -75,3 +76,16 @@ def test_the_scenario_with_cars_has_their_length():
     run = simulate(cars)
     assert run.gap[0] == pytest.approx(6.5 - 4.5 + 1.0 * 25.0)
     assert not compute_metrics(run).collision
+
+
+def test_the_worst_of_all_brakings_is_below_a_straight_stop():
+    stop = {**BRAKING, "leader.hold": 3.125, "run.duration": 30.0, "run.step": 0.01}
+    for values in ({}, {"vehicle.length": 2.0}):
+        scenario = Scenario.from_values({**stop, **values})
+        found = worst_braking(scenario, judge(scenario))
+        assert found is not None
+        assert (found.speed, found.deceleration, found.vehicles) == (25.0, 8.0, 3)
+        stopped = compute_metrics(simulate(scenario, "expected"))
+        assert found.gap <= stopped.min_gap.min() + 0.02
+    unequal = Scenario.from_values(stop, {2: {"controller.k_v": 0.7}})
+    assert worst_braking(unequal, judge(unequal)) is None

@@ -85,6 +85,7 @@ MISSED = {
     "--reception 0.9": "not robustly string stable at reception 0.9",
     "--reception 0.05 --lost hold": "at reception 0.05",
     "--max-headway 0.9": "headway 0.95 s",
+    "--min-gap 4.9": "worst gap",
     "--max-linf 1": "L-infinity gain",
     "--max-time-constant 10": "slowest time constant",
 }
@@ -207,6 +208,8 @@ def test_explanation_puts_numbers_into_the_formulas(capsys):
         "--rho 5 --period 0",
         "--rho 5 --max-linf 0.5",
         "--rho 5 --reception 2",
+        "--rho 5 --min-gap 5",
+        "--rho 5 --min-gap 1 --braking 0",
         "--rho 5 --predecessors 0",
         "--rho 5 --k-a 0.3 --predecessors 3",
         "--rho 5 --write no/such/folder/x.yaml",

@@ -300,6 +300,7 @@ CHANGED = {
     "leader.times": (0.0, 1.5, 3.25),
     "leader.speeds": (20.0, 21.5, 19.5),
     "leader.vehicle": 7,
+    "vehicle.length": 4.25,
     "leader.digest": "abc",
     "run.step": 0.02,
     "run.duration": 3.0,

@@ -1,0 +1,158 @@
+r"""The smallest gap over all brakings of the leader, not only over a straight stop.
+
+In the mean system ``x_{i-1} - x_i`` answers the leader's acceleration by the impulse response
+``kappa_i`` of ``H^{i-1} (1 - H)/s^2``. With a deceleration of at most ``A`` and a speed loss of at
+most ``v_0`` the gap of vehicle i is at least
+
+.. math:: d + h_w v_0 - A \int_S [\kappa_i]_+\,dt ,
+
+``S`` the set of measure ``v_0/A`` where ``[kappa_i]_+`` is largest: that is attained by braking at
+those times (docs/theory.md, section 9 (A bound for every vehicle and all time)).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cacc_platoon.model import State, ThirdOrderPlant
+from cacc_platoon.theory.errors import require, require_positive
+from cacc_platoon.theory.transfer import is_internally_stable, poles
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from cacc_platoon.model.control import Gains
+
+    Float = NDArray[np.float64]
+
+__all__ = ["spacing_response", "worst_spacing"]
+
+_STEPS, _MOST_STEPS = 50, 30_000
+
+
+def spacing_response(
+    gains: Gains, tau: ArrayLike, k_effective: ArrayLike, vehicles: int, *, steps: float = _STEPS
+) -> tuple[float, Float]:
+    """Impulse responses of ``x_{i-1} - x_i`` to the leader's acceleration, vehicle by vehicle.
+
+    Parameters
+    ----------
+    gains : Gains
+        Controller; ``k_a`` is not used.
+    tau, k_effective : array_like, shape (n,)
+        Lags [s] and effective gains, together one platoon each.
+    vehicles : int
+        Followers.
+    steps : float, optional
+        Samples in the shortest time of the loop; the lag itself is integrated exactly.
+
+    Returns
+    -------
+    step : float
+        Time between the samples [s].
+    kappa : ndarray, shape (steps, vehicles, n)
+        Responses [s], of platoons sampled at that step, until all modes but the slowest are dead.
+        They tend to ``h_w``.
+    """
+    h, _, k_v, k_p = gains
+    lags, k = np.atleast_1d(np.asarray(tau, dtype=float)), np.atleast_1d(k_effective)
+    fastest = min(float(lags.max()), 1.0 / (k_v + h * k_p), 1.0 / math.sqrt(k_p))
+    horizon = 16.0 / float(np.min(-poles(gains, lags)[:, 1].real)) + 4.0 * vehicles * h
+    step = max(fastest / steps, horizon / _MOST_STEPS)
+    plant, count = ThirdOrderPlant(lags, step), math.ceil(horizon / step)
+    still = np.zeros((vehicles + 1, lags.size))
+    state = State(still.copy(), still.copy(), still.copy())
+    state.acceleration[0] = 1.0 / step  # for one step; the leader coasts from then on
+    kappa = np.empty((count, vehicles, lags.size))
+    command = still.copy()
+    for i in range(count):
+        x, v, a = state
+        kappa[i] = x[:-1] - x[1:]
+        error = x[1:] - x[:-1] + h * v[1:]
+        command[1:] = k * a[:-1] - k_v * (v[1:] - v[:-1]) - k_p * error
+        state = plant.advance(state, command)
+        state.position[0], state.velocity[0], state.acceleration[0] = (i + 0.5) * step, 1.0, 0.0
+    return step, kappa
+
+
+def worst_spacing(
+    gains: Gains,
+    tau: ArrayLike,
+    k_effective: ArrayLike,
+    *,
+    standstill_distance: float,
+    speed: float,
+    deceleration: float,
+    vehicles: int = 1,
+    steps: float = _STEPS,
+) -> Float:
+    """Least ``x_{i-1} - x_i`` [m] over all brakings of the leader, in the mean system.
+
+    Parameters
+    ----------
+    gains : Gains
+        Controller; ``k_a`` is not used.
+    tau, k_effective : array_like, shape (n,) or ()
+        Lags [s] and effective gains.
+    standstill_distance : float
+        ``d`` [m].
+    speed : float
+        Of all vehicles at first, and the most that the leader loses [m/s].
+    deceleration : float
+        The most that the leader brakes with [m/s^2].
+    vehicles : int, optional
+        Followers.
+    steps : float, optional
+        As in `spacing_response`; its samples are taken, and twice as many.
+
+    Returns
+    -------
+    ndarray, shape (vehicles,)
+        One per follower, the least of all lags and gains given, attained by some braking; minus
+        infinity when not internally stable.
+
+    Raises
+    ------
+    DesignError
+        If a value is out of its range.
+
+    Examples
+    --------
+    >>> from cacc_platoon.model.control import Gains
+    >>> how = {"standstill_distance": 5.0, "speed": 25.0, "deceleration": 8.0, "vehicles": 2}
+    >>> worst_spacing(Gains(0.95, 0.5, 0.63, 0.009), 0.5, 0.4, **how).round(2).tolist()
+    [4.84, 4.85]
+    """
+    require_positive("tau", float(np.min(np.asarray(tau))), "s")
+    require_positive("speed", speed, "m/s")
+    require_positive("deceleration", deceleration, "m/s^2")
+    require(vehicles >= 1, f"vehicles = {vehicles} is below 1: nobody follows. Give 1 or more.")
+    if not is_internally_stable(gains, float(np.max(np.asarray(tau)))):
+        return np.full(vehicles, -math.inf)
+    duration, rest = speed / deceleration, gains.time_headway
+    coarse, fine = (
+        _largest_integral(
+            *spacing_response(gains, tau, k_effective, vehicles, steps=number), duration, rest
+        )
+        for number in (steps, 2.0 * steps)
+    )
+    lost = 2.0 * fine - coarse  # what the step falsifies is nearly linear in it
+    lost = np.maximum(lost, duration * rest).max(axis=-1)
+    return np.asarray(standstill_distance + rest * speed - deceleration * lost, dtype=np.float64)
+
+
+def _largest_integral(step: float, kappa: Float, duration: float, rest: float) -> Float:
+    """Integrate responses over the set of that measure [s] where they are largest.
+
+    Long ago every response has come to `rest`, so that no less need be taken anywhere.
+    """
+    largest = np.sort(np.maximum(kappa, rest), axis=0)[::-1]
+    whole, part = divmod(duration, step)
+    if whole >= len(largest):
+        more = duration - step * len(largest)
+        return np.asarray(step * largest.sum(axis=0) + more * rest, dtype=np.float64)
+    count = int(whole)
+    return np.asarray(step * largest[:count].sum(axis=0) + part * largest[count], dtype=np.float64)

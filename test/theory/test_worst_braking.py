@@ -1,0 +1,96 @@
+"""The worst gap over all brakings: closed form for the first follower, and brakings that try."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cacc_platoon.model import Gains, State, ThirdOrderPlant
+from cacc_platoon.theory import DesignError, poles, worst_spacing
+from cacc_platoon.theory.impulse import inverse_laplace
+from cacc_platoon.theory.worst_braking import spacing_response
+
+A = Gains(0.95, 0.5, 0.63, 0.009)
+D = Gains(0.95, 0.5, 0.75, 1.0)
+E = Gains(0.75, 0.5, 0.8, 0.5)
+HOW: dict[str, Any] = {"standstill_distance": 5.0, "speed": 25.0, "deceleration": 8.0}
+STEP = 0.0025
+
+
+@pytest.mark.parametrize("gains", [A, D, E], ids="ADE")
+@pytest.mark.parametrize("k", [0.4, 0.6])
+def test_the_first_follower_in_closed_form(gains, k):
+    """kappa_1 is the integral of (tau s^2 + (1 - k) s + h k_p)/D."""
+    numerator = np.array([[0.5, 1.0 - k, gains.time_headway * gains.k_p]]) / 0.5
+    t = np.arange(0.0, 60.0, 5e-4)
+    slope = inverse_laplace(numerator, poles(gains, 0.5)[np.newaxis], t[np.newaxis])[0]
+    kappa = np.concatenate(([0.0], np.cumsum(0.5 * (slope[1:] + slope[:-1]) * 5e-4)))
+    largest = np.sort(np.maximum(kappa, gains.time_headway))[::-1]
+    lost = 5e-4 * largest[: round(3.125 / 5e-4)].sum()
+    expected = 5.0 + gains.time_headway * 25.0 - 8.0 * lost
+    assert worst_spacing(gains, 0.5, k, **HOW)[0] == pytest.approx(expected, abs=2e-3)
+
+
+def smallest(gains, k, braking):
+    """Smallest spacings of two followers whose leader brakes with 8 m/s^2 where `braking` says."""
+    h, _, k_v, k_p = gains
+    plant = ThirdOrderPlant(0.5, STEP)
+    state = State(-(5.0 + h * 25.0) * np.arange(3.0), np.full(3, 25.0), np.zeros(3))
+    least = np.full(2, np.inf)
+    command = np.zeros(3)
+    for brakes in braking:
+        state.acceleration[0] = -8.0 * brakes
+        least = np.minimum(least, state.position[:-1] - state.position[1:])
+        error = state.position[1:] - state.position[:-1] + 5.0 + h * state.velocity[1:]
+        command[1:] = k * state.acceleration[:-1]
+        command[1:] -= k_v * (state.velocity[1:] - state.velocity[:-1]) + k_p * error
+        x, v = state.position[0], state.velocity[0]
+        state = plant.advance(state, command)
+        state.position[0] = x + STEP * v - 4.0 * brakes * STEP**2
+        state.velocity[0] = v - 8.0 * brakes * STEP
+    return least
+
+
+@pytest.mark.parametrize("gains", [A, E], ids="AE")
+def test_the_worst_braking_attains_it_and_no_other_exceeds_it(gains):
+    worst = worst_spacing(gains, 0.5, 0.4, **HOW, vehicles=2)
+    step, kappa = spacing_response(gains, 0.5, 0.4, 2)
+    times = np.arange(0.0, 12.0, STEP)
+    for vehicle in (0, 1):
+        answer = np.interp(times, step * np.arange(len(kappa)), kappa[:, vehicle, 0])
+        chosen = np.zeros(times.size)
+        chosen[np.argsort(answer)[-round(3.125 / STEP) :]] = 1.0
+        reached = smallest(gains, 0.4, chosen[::-1])[vehicle]
+        assert reached == pytest.approx(worst[vehicle], abs=0.01)
+    rng = np.random.default_rng(2)
+    tries = [np.arange(4000) < round(3.125 / STEP)]
+    for _ in range(3):
+        slots = rng.permutation(16)[:5]
+        tries.append(np.isin(np.arange(4000) // 250, slots))
+    for braking in tries:
+        assert (smallest(gains, 0.4, braking.astype(float)) >= worst - 0.01).all()
+
+
+def test_a_straight_stop_is_not_the_worst():
+    """Of vehicle 2 behind E: braking twice brings it closer than braking once."""
+    stop = np.arange(4000) < round(3.125 / STEP)
+    straight = smallest(E, 0.4, stop.astype(float))[1]
+    assert worst_spacing(E, 0.5, 0.4, **HOW, vehicles=2)[1] < straight - 0.01
+
+
+def test_several_lags_and_gains_give_the_least_of_them():
+    lags, k = [0.5, 0.5, 0.1], [0.4, 0.6, 0.4]
+    alone = [worst_spacing(E, *pair, **HOW, vehicles=2) for pair in zip(lags, k, strict=True)]
+    found = worst_spacing(E, lags, k, **HOW, vehicles=2)
+    assert found == pytest.approx(np.min(alone, axis=0), abs=5e-3)
+
+
+def test_edges():
+    assert worst_spacing(Gains(0.2, 0.5, 0.01, 5.0), 0.5, 0.4, **HOW)[0] == -math.inf
+    hard = worst_spacing(D, 0.5, 0.4, **{**HOW, "deceleration": 80.0})[0]
+    assert hard < worst_spacing(D, 0.5, 0.4, **HOW)[0]
+    gentle = worst_spacing(D, 0.5, 0.4, **{**HOW, "deceleration": 0.01})[0]
+    assert gentle == pytest.approx(5.0, abs=0.01)
+    with pytest.raises(DesignError, match="deceleration = 0 m/s"):
+        worst_spacing(D, 0.5, 0.4, **{**HOW, "deceleration": 0.0})
