@@ -32,6 +32,7 @@ from geometry_msgs.msg import Vector3Stamped
 from std_msgs.msg import Int64, String
 
 from cacc_platoon.bags.raw import BagError
+from cacc_platoon.dds.shared_memory import sweep
 from cacc_platoon.runs.info import EndStatus, RunInfo
 from cacc_platoon.runs.recorded_run import read_run
 from cacc_platoon.scenario import Scenario
@@ -213,6 +214,9 @@ def wrong(fault: Fault) -> list[str]:
         deadline = time.monotonic() + 5.0
         while (left := unowned_files(before)) and time.monotonic() < deadline:
             threading.Event().wait(0.1)
+        if left:  # of the killed, which the next process of ours clears
+            sweep()
+            left = unowned_files(before)
     return [*found, *(f"{name} was left behind" for name in sorted(left))]
 
 

@@ -23,7 +23,8 @@ from msg_adapters.topics import VehicleTopics
 
 SMALL = ("run.duration=60", "platoon.followers=3", "run.real_time_factor=10")
 """Six seconds of wall time, slow enough to interfere."""
-QUICK = ("run.duration=20", "platoon.followers=3")
+QUICK = ("run.duration=20", "platoon.followers=3", "run.real_time_factor=4")
+"""Five seconds: a run that is over before the graph has told of it is not to be seen."""
 LENGTH = 20_000
 """More than a part has after a second of SMALL, less than after three [bytes]."""
 HANGS = """
