@@ -35,6 +35,7 @@ def certificate_document(certificate: Certificate) -> dict[str, Any]:
         "string_stable": certificate.string_stable,
         "l2_gain": certificate.l2_gain,
         "peak_frequency": certificate.peak_frequency,
+        "margins": {"C": certificate.margins[0], "margin": certificate.margins[1]},
         "linf_gain": certificate.linf_gain,
         "peaks": {
             "mean": certificate.worst_linf_gain._asdict(),

@@ -32,8 +32,10 @@ from cacc_platoon.theory.region import (
 )
 from cacc_platoon.theory.several_predecessors import (
     equivalent_gains,
+    first_followers_gains,
     multi_predecessor_bounds,
     multi_predecessor_gains,
+    several_predecessors_growth,
 )
 from cacc_platoon.theory.theorem2 import headway_bound, optimum, paper_region
 
@@ -137,8 +139,8 @@ def answer(question: Question) -> tuple[dict[str, Any], Recommendation | None]:
     dict
         Plain data; what is infinite or does not exist is None. Keys: ``format rho snr_db tau0 k_a
         k_a_max time_headway headway_bound optimal infimum_headway region exact_region
-        conservatism``, and where asked ``certificate verdict unmet extensions recommended front``;
-        docs/formats/design.schema.json has them all.
+        conservatism``, and where asked ``known_gain certificate verdict unmet extensions
+        recommended front``; docs/formats/design.schema.json has them all.
     Recommendation or None
         The designs found.
 
@@ -168,6 +170,8 @@ def answer(question: Question) -> tuple[dict[str, Any], Recommendation | None]:
         data["certificate"] = certificate_document(certificate)
         data["verdict"] = explain_verdict(certificate)
         data["unmet"] = list(ask.unmet(certificate))
+    if question.k_effective is not None:
+        data["known_gain"] = _known_gain(question.k_effective, question.tau_max)
     if question.predecessors != 1 or ask.reception != 1.0:
         data["extensions"] = _extensions(question, data)
     found = recommend(question.rho, question.tau_max, ask) if question.recommend else None
@@ -175,6 +179,12 @@ def answer(question: Question) -> tuple[dict[str, Any], Recommendation | None]:
         data["recommended"] = [_design_values(design, question) for design in found.designs]
         data["front"] = [_design_values(design, question) for design in found.front]
     return _finite(data), found
+
+
+def _known_gain(k: float, tau_max: float) -> dict[str, float]:
+    """Return the least headway of one known effective gain, Theorem 1 (b): below one."""
+    headway = 2.0 * tau_max / (1.0 + k) if k < 1 else math.inf
+    return {"k_effective": k, "headway": headway}
 
 
 def _bounds(question: Question) -> dict[str, Any]:
@@ -215,7 +225,16 @@ def _extensions(question: Question, answered: dict[str, Any]) -> dict[str, Any]:
         bounds = multi_predecessor_bounds(k_a / r, rho, tau_max, r)
         data["predecessors"] = predecessors_document(r, k_a / r, bounds)
         if gains is not None:
-            data["predecessors"]["gains"] = gains_document(multi_predecessor_gains(gains, r))
+            each = multi_predecessor_gains(gains, r)
+            data["predecessors"]["gains"] = gains_document(each)
+            ends = [k / r for k in answered["effective_gain"]]
+            found = [several_predecessors_growth(each, tau_max, [k] * r) for k in ends]
+            data["predecessors"]["growth"] = max(growth for growth, _ in found)
+            data["predecessors"]["sum_of_gains"] = max(total for _, total in found)
+            first = [first_followers_gains(each, tau_max, k, r) for k in ends]
+            data["predecessors"]["first_followers"] = [
+                max(pair) for pair in zip(*first, strict=True)
+            ]
     ask = question.requirements
     if ask.reception != 1.0:
         data["reception"] = {

@@ -50,7 +50,7 @@ class BitNoise:
     rho : float
         Linear signal-to-noise ratio, > 1; w stays in [1 - 1/rho, 1 + 1/rho].
     bit_probabilities : sequence of float, length n <= 32
-        P(z_j = 1), most significant bit first.
+        P(z_j = 1), most significant bit first, to a multiple of 2^-32, none of them 0 or 1.
     seed : int
         Seed of the run.
     link : int
@@ -72,7 +72,7 @@ class BitNoise:
         self._seed, self._link, self._hold = seed, link, hold
         bits = len(bit_probabilities)
         chances = np.reshape(bit_probabilities, (bits, 1))
-        self._thresholds = np.rint(chances * 2.0**32).clip(0, 2.0**32 - 1).astype(np.uint32)
+        self._thresholds = np.rint(chances * 2.0**32).clip(1, 2.0**32 - 1).astype(np.uint32)
         self._scale = 2.0 ** (bits - 1)
 
     def factors(self, start: int, stop: int) -> npt.NDArray[np.float64]:

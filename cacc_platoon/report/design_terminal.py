@@ -29,6 +29,13 @@ def render(data: dict[str, Any]) -> str:
     Question     rho = 5 (13.98 dB), tau_0 = 0.5 s, k_a = 0.5 (cap 0.833333)
     """
     lines = _bound_lines(data)
+    if "known_gain" in data:
+        known = data["known_gain"]
+        lines.append(
+            f"One gain     at k_a E[w] = {known['k_effective']:.6g} alone: headway >= "
+            f"{_number(known['headway'])} s = 2 tau_0/(1 + k_a E[w]); all above is for every gain "
+            "in I"
+        )
     if "certificate" in data:
         lines += ["", *_certificate_lines(data)]
         lines += _guarantee_lines(data["certificate"]["guarantees"])
@@ -83,7 +90,9 @@ def _certificate_lines(data: dict[str, Any]) -> list[str]:
         f"Verdict      {data['verdict']}",
         f"  internally stable {_yes(c['internally_stable'])}, in the paper's S "
         f"{_yes(c['in_paper_region'])}, string stable {_yes(c['string_stable'])}",
-        f"  L2 gain {_number(c['l2_gain'])} at {_number(c['peak_frequency'])} rad/s, in the mean",
+        f"  L2 gain {_number(c['l2_gain'])} at {_number(c['peak_frequency'])} rad/s, in the mean; "
+        f"margins C = {_number(c['margins']['C'])} 1/s^2, B + 2 tau_0 sqrt(C) = "
+        f"{_number(c['margins']['margin'])}",
         f"  sampled at {sampled['period']:g} s: string stable {_yes(sampled['string_stable'])}; "
         f"lost at {sampled['critical_period']:.4g} s",
         f"  constant V2V latency margin {_number(c['latency_margin'])} s in continuous time, "
@@ -126,6 +135,18 @@ def _extension_lines(data: dict[str, Any]) -> list[str]:
             f"headway paper > {r['paper']:.6g} s, exact >= {r['exact']:.6g} s; "
             f"k_a* = {r['optimal_k_a']:.6g}, h* = {r['optimal_headway']:.6g} s"
         )
+        if "growth" in r:
+            lines.append(
+                f"             growth per vehicle {_number(r['growth'])} (exact, equal E[w_j]); "
+                f"sum of |H_j| at most {_number(r['sum_of_gains'])} (1 is sufficient, also where "
+                "E[w_j] differ)"
+            )
+            heard = [f"{i} heard {_number(x)}" for i, x in enumerate(r["first_followers"], start=1)]
+            if any(x is None or x > 1.0 for x in r["first_followers"]):
+                lines.append(
+                    "             the first followers hear fewer and amplify with these gains: "
+                    f"sup|H| with {', '.join(heard)}; give them gains of their own"
+                )
         lines.append(
             "             all else is for the equivalent one-predecessor platoon, but recommended "
             "gains are per predecessor"

@@ -135,7 +135,7 @@ def text_table(heads: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
     body = [
         "".join(f'<td class="text">{html.escape(str(item))}</td>' for item in row) for row in rows
     ]
-    return _table([_heading(text, left=True) for text in heads], body)
+    return _table([_heading(text, left=True) for text in heads], body, kind="words")
 
 
 def fact_table(facts: Sequence[tuple[str, object]]) -> str:
@@ -163,7 +163,8 @@ def _heading(text: str, unit: str = "", *, left: bool = False) -> str:
     return f"<th{' class=text' if left else ''}>{html.escape(text)}{small}</th>"
 
 
-def _table(heads: Sequence[str], rows: Sequence[str]) -> str:
+def _table(heads: Sequence[str], rows: Sequence[str], kind: str = "") -> str:
     head = f"<thead><tr>{''.join(heads)}</tr></thead>" if heads else ""
     body = "".join(f"<tr>{row}</tr>" for row in rows)
-    return f'<div class="scroll"><table>{head}<tbody>{body}</tbody></table></div>'
+    named = f' class="{kind}"' if kind else ""
+    return f'<div class="scroll"><table{named}>{head}<tbody>{body}</tbody></table></div>'

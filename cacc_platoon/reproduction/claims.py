@@ -87,7 +87,7 @@ def _theorem_claims() -> Iterator[Claim]:
     yield Claim(
         "Remark 2",
         "headway bound without noise, k_a = 0.5 [s]",
-        "2 tau_0/(1 + k_a) = 0.666667",
+        "2 tau_0/(1 + k_a), as in earlier work; 0.666667 follows",
         f"{limit:.9f}",
         math.isclose(limit, 2 * TAU_0 / 1.5, rel_tol=1e-6),
         f"Theorem 2 (b) at rho = {nearly:g}",

@@ -75,8 +75,10 @@ from cacc_platoon.theory.sampling_limits import critical_loss, critical_period
 from cacc_platoon.theory.several_predecessors import (
     MultiPredecessorBounds,
     equivalent_gains,
+    first_followers_gains,
     multi_predecessor_bounds,
     multi_predecessor_gains,
+    several_predecessors_growth,
 )
 from cacc_platoon.theory.theorem2 import (
     Optimum,
@@ -134,6 +136,7 @@ __all__ = [
     "explain_failure",
     "explain_verdict",
     "fallback_headway",
+    "first_followers_gains",
     "frequency_response",
     "frozen_noise_margin",
     "gamma",
@@ -175,6 +178,7 @@ __all__ = [
     "sampled_mean_square_index",
     "sampled_stability_map",
     "sampled_sure_gain",
+    "several_predecessors_growth",
     "slow_error_ratio",
     "slowest_time_constant",
     "snr_db_from_rho",

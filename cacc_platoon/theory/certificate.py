@@ -13,7 +13,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from cacc_platoon.theory.errors import require, require_positive, require_reception
-from cacc_platoon.theory.exact import L2Gain, is_string_stable, worst_l2_gain
+from cacc_platoon.theory.exact import L2Gain, is_string_stable, least_margins, worst_l2_gain
 from cacc_platoon.theory.joint_loop import joint_critical_period, joint_latency_margin
 from cacc_platoon.theory.latency import latency_margin
 from cacc_platoon.theory.mean_square import (
@@ -166,6 +166,11 @@ class Certificate:
     def l2_gain(self) -> float:
         """Worst ``sup |H|``."""
         return self._worst_l2_gain.gain
+
+    @property
+    def margins(self) -> tuple[float, float]:
+        """`least_margins` at `tau_max`, where both are least."""
+        return least_margins(self.gains, self.tau_max, self.effective_gains)
 
     @property
     def peak_frequency(self) -> float:
@@ -329,10 +334,7 @@ class Certificate:
 
     @cached_property
     def leader_error_norm(self) -> float:
-        """``||Phi||_2``, largest over lags and I.
-
-        Its square is a convex function of the lag over a linear one: the worst lag is an end, too.
-        """
+        """``||Phi||_2``, largest over lags (its square is convex over linear: an end) and I."""
         lags = (self.tau_max,) if self.k_effective is not None else (0.0, self.tau_max)
         return max(leader_error_norm(self.gains, x, k) for x in lags for k in self.effective_gains)
 

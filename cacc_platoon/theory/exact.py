@@ -28,7 +28,7 @@ from cacc_platoon.theory.transfer import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
@@ -41,6 +41,7 @@ __all__ = [
     "is_robustly_string_stable",
     "is_string_stable",
     "l2_gain",
+    "least_margins",
     "propagation_margins",
     "robust_string_stability_map",
     "string_stability_map",
@@ -117,6 +118,22 @@ def propagation_margins(gains: Gains, tau: float, k_effective: float) -> Margins
     B, c, _, _ = _terms(gains.time_headway, gains.k_v, gains.k_p, tau, k_effective)
     C = gains.k_p * c
     return Margins(B, C, B + 2.0 * tau * math.sqrt(max(C, 0.0)))
+
+
+def least_margins(gains: Gains, tau: float, ends: Sequence[float]) -> tuple[float, float]:
+    """Least ``C`` and least ``B + 2 tau sqrt(C)`` over effective gains: how far it is to growth.
+
+    ``sup |H| = 1`` of a string stable design says nothing of that, since ``H(0) = 1``.
+
+    Examples
+    --------
+    >>> from cacc_platoon.model.control import Gains
+    >>> C, margin = least_margins(Gains(0.95, 0.5, 0.63, 0.009), 0.5, (0.4, 0.6))
+    >>> round(C, 8), round(margin, 6)
+    (4.61e-05, 0.094055)
+    """
+    found = [propagation_margins(gains, tau, k) for k in ends]
+    return min(one.C for one in found), min(one.margin for one in found)
 
 
 def is_string_stable(gains: Gains, tau: float, k_effective: float) -> bool:

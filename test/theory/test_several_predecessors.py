@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cacc_platoon.model import Gains
@@ -15,6 +15,7 @@ from cacc_platoon.theory import (
     certify_chain,
     equivalent_gains,
     fallback_headway,
+    first_followers_gains,
     frequency_response,
     hold_last_response,
     is_reception_string_stable,
@@ -29,7 +30,9 @@ from cacc_platoon.theory import (
     reception_interval,
     reception_minimum_headway,
     robust_string_stability_map,
+    several_predecessors_growth,
 )
+from cacc_platoon.theory.several_predecessors import hop_responses
 
 A = Gains(0.95, 0.5, 0.63, 0.009)
 OMEGA = np.geomspace(1e-3, 30, 200)
@@ -145,3 +148,47 @@ def test_no_v2v_needs_twice_the_lag():
 def test_refusals(call):
     with pytest.raises(DesignError, match=r" (Give|Lower) "):
         call()
+
+
+@given(st.integers(2, 4), st.floats(0.3, 1.2), st.floats(0.05, 0.7), st.floats(0.2, 1.5))
+@settings(max_examples=25)
+def test_growth_with_several_predecessors_is_that_of_the_recursion(r, h, k_total, k_v):
+    """A wave along 600 vehicles, ``x_i = sum_j H_j x_{i-j}``, at the frequency that grows most."""
+    gains = Gains(h, k_total / r, k_v / r, 0.4 / r)
+    growth, total = several_predecessors_growth(gains, 0.5, [gains.k_a] * r)
+    assert growth <= total + 1e-12
+    omega = np.geomspace(0.02, 20, 3000)
+    H = hop_responses(gains, 0.5, [gains.k_a] * r, omega)
+    summed = frequency_response(equivalent_gains(gains, r), 0.5, k_total, omega)
+    np.testing.assert_allclose(H.sum(axis=0), summed, rtol=1e-9)
+    waves = [np.ones(omega.size, complex)] + [np.zeros(omega.size, complex)] * (r - 1)
+    logs = []
+    for _ in range(600):
+        new = sum(h_j * wave for h_j, wave in zip(H, waves[::-1], strict=True))
+        waves = [*waves[1:], new]
+        logs.append(np.log(np.maximum(np.abs(new), 1e-250)))
+    rate = (logs[-1] - logs[-201]) / 200
+    assert np.exp(rate.max()) <= growth + 1e-3
+    if growth > 1.02:
+        assert np.exp(rate.max()) == pytest.approx(growth, rel=5e-3)
+
+
+def test_the_exact_criterion_allows_what_the_sum_does_not():
+    gains = Gains(0.5138, 0.15, 0.1419, 2.371)
+    growth, total = several_predecessors_growth(gains, 0.5, [0.15, 0.15])
+    assert growth == 1.0
+    assert total == pytest.approx(1.167, abs=1e-3)
+    single = several_predecessors_growth(A, 0.5, [0.5])
+    assert single[0] == pytest.approx(single[1])
+
+
+def test_the_first_followers_may_amplify_with_the_gains_of_the_others():
+    design = equivalent_gains(Gains(0.4, 0.5 / 3, 0.25, 0.3), 3)
+    gains = multi_predecessor_gains(design, 3)
+    found = first_followers_gains(gains, 0.5, gains.k_a, 3)
+    assert len(found) == 2
+    for heard, gain in enumerate(found, start=1):
+        omega = np.geomspace(1e-2, 30, 4000)
+        H = hop_responses(gains, 0.5, [gains.k_a] * heard, omega).sum(axis=0)
+        assert gain == pytest.approx(max(1.0, np.abs(H).max()), rel=1e-4)
+    assert found[0] > found[1] > 1
