@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from cacc_platoon.scenario import Follower
-    from cacc_platoon.theory import Certificate
+    from cacc_platoon.theory import Certificate, Guarantee
 
 
 def guarantee_of(certificates: Sequence[Certificate], *, equal_links: bool) -> str:
@@ -29,6 +29,14 @@ def guarantee_of(certificates: Sequence[Certificate], *, equal_links: bool) -> s
         f"{rest} its tau0 and every E[w_i], |a_i|_2 does not grow from vehicle to vehicle; "
         f"spacing errors may, links being unequal: |delta_i|_2 <= {worst:.4g} s^2 |a_0|_2"
     )
+
+
+def mean_alone(row: Guarantee) -> Guarantee:
+    """Leave out what one vehicle's guarantee does not say of a platoon of unequal ones."""
+    unsaid = "not said of unequal links" if row.mean_square != "-" else "-"
+    peaks = "peaks" in row.signal
+    mean = "not said of unequal links" if peaks and row.mean != "-" else row.mean
+    return row._replace(mean=mean, mean_square=unsaid, sure="not said of unequal links")
 
 
 def noise_statistics(follower: Follower, step: float) -> NoiseStatistics:

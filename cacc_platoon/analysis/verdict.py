@@ -11,7 +11,7 @@ import numpy as np
 from cacc_platoon.analysis.age import LinkReception
 from cacc_platoon.analysis.basis import Bases, arrival, bases_of
 from cacc_platoon.analysis.consistency import Consistency
-from cacc_platoon.analysis.guarantee import guarantee_of, noise_statistics
+from cacc_platoon.analysis.guarantee import guarantee_of, mean_alone, noise_statistics
 from cacc_platoon.analysis.noise import LinkNoise
 from cacc_platoon.analysis.premises import broken_premises, other_laws
 from cacc_platoon.errors import UserError
@@ -220,7 +220,8 @@ class Verdict:
         certificate = self.weakest.certificate
         if certificate is None or self.another_law:
             return ()
-        return guarantees(certificate, equal_links=self.equal_links)
+        rows = guarantees(certificate, equal_links=self.equal_links)
+        return rows if self.equal_links else tuple(map(mean_alone, rows))
 
     @property
     def headline(self) -> str:

@@ -64,7 +64,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--max-linf", type=float, help="largest L-infinity gain of the mean hop, every lag, >= 1"
     )
     limits.add_argument(
-        "--min-gap", type=float, help="least gap over all brakings of the leader [m], in the mean"
+        "--min-gap",
+        type=float,
+        help="least gap of 12 followers over all brakings of the leader [m], in the mean",
     )
     limits.add_argument("--braking", type=float, default=8.0, help="its deceleration [m/s^2] (8)")
     limits.add_argument("--speed", type=float, default=25.0, help="the speed before it [m/s] (25)")

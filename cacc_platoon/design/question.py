@@ -20,6 +20,7 @@ from cacc_platoon.design.answer_json import (
 from cacc_platoon.design.recommend import recommend
 from cacc_platoon.design.requirements import Design, Recommendation, Requirements
 from cacc_platoon.model.control import Gains
+from cacc_platoon.theory.errors import require
 from cacc_platoon.theory.explanation import explain_verdict
 from cacc_platoon.theory.mean_square import NoiseStatistics
 from cacc_platoon.theory.noise_interval import effective_interval, k_a_max, snr_db_from_rho
@@ -155,6 +156,7 @@ def answer(question: Question) -> tuple[dict[str, Any], Recommendation | None]:
     >>> round(data["headway_bound"]["paper"], 6), round(data["headway_bound"]["exact"], 6)
     (0.9375, 0.714286)
     """
+    _check(question)
     data = _bounds(question)
     ask = question.requirements
     gains = question.gains
@@ -179,6 +181,26 @@ def answer(question: Question) -> tuple[dict[str, Any], Recommendation | None]:
         data["recommended"] = [_design_values(design, question) for design in found.designs]
         data["front"] = [_design_values(design, question) for design in found.front]
     return _finite(data), found
+
+
+def _check(question: Question) -> None:
+    """Refuse what has no one meaning together."""
+    ask, k = question.requirements, question.k_effective
+    require(
+        ask.min_gap is None or question.predecessors == 1,
+        f"min_gap with {question.predecessors} predecessors is not known: the first followers are "
+        "other hops, and gaps at rest differ. Leave min_gap out.",
+    )
+    require(
+        k is None or ask.reception == 1.0,
+        f"k_effective = {k} with reception = {ask.reception:g} says twice what arrives. Leave one "
+        "of them out.",
+    )
+    require(
+        k is None or k <= effective_interval(question.k_a, question.rho).high * (1.0 + 1e-12),
+        f"k_effective = {k} is above (1 + 1/rho) k_a: no noise of this SNR makes it of k_a = "
+        f"{question.k_a:g}. Lower k_effective or raise k_a.",
+    )
 
 
 def _known_gain(k: float, tau_max: float) -> dict[str, float]:
@@ -232,8 +254,12 @@ def _extensions(question: Question, answered: dict[str, Any]) -> dict[str, Any]:
             data["predecessors"]["growth"] = max(growth for growth, _ in found)
             data["predecessors"]["sum_of_gains"] = max(total for _, total in found)
             first = [first_followers_gains(each, tau_max, k, r) for k in ends]
-            data["predecessors"]["first_followers"] = [
-                max(pair) for pair in zip(*first, strict=True)
+            worst = [max(pair) for pair in zip(*first, strict=True)]
+            data["predecessors"]["first_followers"] = worst
+            answered["unmet"] += [
+                f"follower {i} hears {i} of {r} vehicles and amplifies, sup|H| = {gain:.6g}"
+                for i, gain in enumerate(worst, start=1)
+                if gain > 1.0
             ]
     ask = question.requirements
     if ask.reception != 1.0:

@@ -128,11 +128,11 @@ def _filter(
             break
         cost = measure(c)
         if explain:
-            best = abs(float(np.min(cost)))
+            best, least = abs(float(np.min(cost))), "at least " if name == "period" else ""
             require(
                 bool(np.min(cost) <= limit),
-                f"{name} = {shown:.6g}{unit} is out of reach: the best of the designs that "
-                f"meet the other requirements has {best:.4g}{unit}, so string stability would be "
+                f"{name} = {shown:.6g}{unit} is out of reach: of the designs that meet the other "
+                f"requirements the best has {least}{best:.4g}{unit}, so string stability would be "
                 f"lost. Relax {name}, raise max_headway or lower tau_max.",
             )
         c = c.pick(cost <= limit)

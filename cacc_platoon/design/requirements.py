@@ -25,6 +25,9 @@ from cacc_platoon.theory.worst_braking import worst_spacing
 __all__ = ["Design", "Recommendation", "Requirements", "assess", "paper_design"]
 
 
+_FOLLOWERS = 12
+
+
 @dataclass(frozen=True)
 class Requirements:
     """What the user insists on, all of it at once; None leaves the choice to the designer.
@@ -135,7 +138,13 @@ class Requirements:
         if self.min_gap is not None:
             gap = self.worst_gap(certificate)
             if gap < self.min_gap:
-                missed.append(f"worst gap {gap:.4g} m is below {self.min_gap:.4g} m")
+                missed.append(
+                    f"worst gap {gap:.4g} m of {_FOLLOWERS} followers is below {self.min_gap:.4g} m"
+                )
+        for name in ("k_a", "time_headway"):
+            given, own = getattr(self, name), getattr(certificate.gains, name)
+            if given is not None and own != given:
+                missed.append(f"{name} {own:.6g} is not {given:.6g}")
         for value, limit, text, unit in (
             (certificate.gains.time_headway, self.max_headway, "headway", " s"),
             (certificate.linf_gain, self.max_linf, "L-infinity gain", ""),
@@ -151,7 +160,7 @@ class Requirements:
         return tuple(missed)
 
     def worst_gap(self, certificate: Certificate) -> float:
-        """Least gap [m] of the first three followers over all brakings, in the mean.
+        """Least gap [m] of the first 12 followers over all brakings, in the mean, without losses.
 
         Of both ends of I and three lags, the largest, half of it and a tenth.
         """
@@ -163,7 +172,7 @@ class Requirements:
             standstill_distance=self.standstill_gap,
             speed=self.speed,
             deceleration=self.braking,
-            vehicles=3,
+            vehicles=_FOLLOWERS,
             steps=10.0,
         )
         return float(np.min(gaps))

@@ -38,7 +38,13 @@ def render(data: dict[str, Any]) -> str:
         )
     if "certificate" in data:
         lines += ["", *_certificate_lines(data)]
-        lines += _guarantee_lines(data["certificate"]["guarantees"])
+        alone = data.get("known_gain")
+        lines += _guarantee_lines(
+            data["certificate"]["guarantees"],
+            f"at tau = {data['tau0']:g} s and k_a E[w] = {alone['k_effective']:.6g} alone"
+            if alone
+            else "for every lag up to tau_0 and all links alike",
+        )
         missed = data["unmet"]
         lines += [f"Requirements {'; '.join(missed) if missed else 'all met'}"]
     if "extensions" in data:
@@ -105,9 +111,9 @@ def _certificate_lines(data: dict[str, Any]) -> list[str]:
     ]
 
 
-def _guarantee_lines(rows: list[dict[str, str]]) -> list[str]:
+def _guarantee_lines(rows: list[dict[str, str]], where: str) -> list[str]:
     """Say what is guaranteed in the mean, in the mean square, and whatever the noise does."""
-    lines = ["Guaranteed, for every lag up to tau_0 and all links alike"]
+    lines = [f"Guaranteed, {where}"]
     for row in rows:
         lines.append(f"  {row['signal']}")
         lines += [
@@ -132,7 +138,7 @@ def _extension_lines(data: dict[str, Any]) -> list[str]:
         r = data["predecessors"]
         lines.append(
             f"Predecessors {r['count']}, k_a = {r['k_a']:.6g} each (cap {r['k_a_max']:.6g}): "
-            f"headway paper > {r['paper']:.6g} s, exact >= {r['exact']:.6g} s; "
+            f"headway paper > {r['paper']:.6g} s, by sum |H_j| <= 1 >= {r['exact']:.6g} s; "
             f"k_a* = {r['optimal_k_a']:.6g}, h* = {r['optimal_headway']:.6g} s"
         )
         if "growth" in r:

@@ -112,13 +112,15 @@ def _basis_table(report: Report, metrics: dict[str, Any]) -> str:
 
 def _certificate_rows(report: Report) -> Iterator[tuple[str, str, str]]:
     """Say what follows from the parameters alone."""
+    kept = " without losses" if report.verdict.bases.losses else ""
     if braking := report.worst_braking:
         yield (
             f"Least gap over all brakings, up to {braking.deceleration:g} m/s^2 from "
             f"{braking.speed:g} m/s",
             f"{braking.gap:.2f} m" + (": collision" if braking.gap <= 0 else ""),
-            "in the mean, from the equilibrium spacing: the leader brakes whenever it hurts most, "
-            "not only once; least of both ends of I, of the lags tau0, tau0/2 and tau0/10, and of "
+            f"in the mean{kept}, from the equilibrium spacing: the leader brakes "
+            "whenever it hurts most, not only once; least of both ends of I, of "
+            "the lags tau0, tau0/2 and tau0/10, and of "
             f"the first {braking.vehicles} followers",
         )
     verdict, bases = report.verdict, report.verdict.bases

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["Guarantee", "guarantees"]
 
 NONE = "-"
+_SILENT = "nothing is communicated: as in the mean"
 
 
 class Guarantee(NamedTuple):
@@ -68,7 +69,7 @@ def guarantees(certificate: Certificate, *, equal_links: bool = True) -> tuple[G
             "energy of a_i",
             f"does not grow: {gain}" if stable else f"may grow: {gain}",
             _mean_square(certificate),
-            "no design keeps it from growing",
+            "no design that listens keeps it from growing" if certificate.gains.k_a else _SILENT,
         ),
         Guarantee(
             "peaks of a_i",
@@ -95,17 +96,24 @@ def _known(say: Callable[[], str]) -> str:
 
 
 def _mean_square(certificate: Certificate) -> str:
-    index = certificate.mean_square_index
+    if certificate.gains.k_a == 0.0:
+        return _SILENT
+    noise, index = certificate.noise, certificate.mean_square_index
+    given = f"c_T = {index:.4g} at E[w] = {noise.mean:.4g}, Var[w] = {noise.variance:.3g}"
     if math.isnan(index):
         return "not known: packets are lost or late, or the noise is as good as frozen"
     if index >= 1.0:
-        return f"grows from vehicle to vehicle: c_T = {index:.4g}"
+        return f"grows from vehicle to vehicle: {given}"
     if index == 0.0:
         return "no noise is given"
-    return f"at most {1.0 / (1.0 - index):.6g} times the leader's, and falls: c_T = {index:.4g}"
+    if noise.redraw_period > 1.5 * certificate.period:
+        return f"stays bounded: {given}"
+    return f"at most {1.0 / (1.0 - index):.6g} times the leader's: {given}"
 
 
 def _frozen(certificate: Certificate) -> str:
+    if certificate.gains.k_a == 0.0:
+        return _SILENT
     margin = certificate.frozen_noise_margin
     if math.isnan(margin):
         return "not known: packets are lost or late"
@@ -119,8 +127,10 @@ def _peaks(worst: WorstGain) -> str:
         return "grow without bound"
     if worst.gain <= 1.0 + 1e-9:
         return "do not grow"
-    bound = math.ceil(worst.at_most * 100.0 - 1e-9) / 100.0
-    return f"grow by a factor of at most {worst.gain:.4g} per hop (no lag above {bound:.2f})"
+    grow = f"grow by a factor of at most {worst.gain:.4g} per hop"
+    if worst.at_most == worst.gain:
+        return grow
+    return f"{grow} (no lag above {math.ceil(worst.at_most * 100.0 - 1e-9) / 100.0:.2f})"
 
 
 def _error_energy(certificate: Certificate, *, equal: bool) -> str:

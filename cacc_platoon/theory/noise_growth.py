@@ -77,8 +77,8 @@ def sampled_mean_square_index(
     Returns
     -------
     float
-        ``c_T``, where ``c_T < 1`` gives ``E||a_i||^2 <= ||a_0||^2/(1 - c_T)`` for every vehicle
-        and lets it fall to zero along the platoon, and ``c_T > 1`` lets it grow geometrically.
+        ``c_T``: below one energies stay bounded and tend to zero along the platoon, above one they
+        grow geometrically. Redrawn at every period, ``E||a_i||^2 <= ||a_0||^2/(1 - c_T)``.
         Infinite when the mean sampled loop is not string stable, NaN when it is, but is not with
         16 samples in a draw: then noise is as good as frozen, see `frozen_noise_margin`.
 

@@ -5,6 +5,7 @@ import contextlib
 import itertools
 import json
 import random
+import re
 import subprocess
 import sys
 
@@ -299,3 +300,35 @@ def test_flags_have_the_names_of_the_parameters_and_the_old_ones_still_work(caps
         assert platoon_design(text) == 0
         answers.append(capsys.readouterr().out)
     assert answers[0] == answers[1]
+
+
+@pytest.mark.parametrize(
+    ("question", "words"),
+    [
+        ("--k-a 0.25 --time-headway 0.7 --k-v 0.35 --k-p 0.2 --predecessors 2 --min-gap 4.5",
+         "min_gap with 2 predecessors"),
+        (f"{CASE_A} --k-effective 0.5 --reception 0.5", "k_effective = 0.5 with reception = 0.5"),
+        (f"{CASE_A} --k-effective 0.64", "is above (1 + 1/rho) k_a"),
+    ],
+)  # fmt: skip
+def test_what_has_no_one_meaning_together_is_refused(question, words):
+    with pytest.raises(DesignError, match=re.escape(words)):
+        platoon_design(f"--rho 5 --tau-max 0.5 {question}")
+
+
+def test_first_followers_that_amplify_are_a_requirement_missed(capsys):
+    gains = "--k-a 0.25 --time-headway 0.7 --k-v 0.35 --k-p 0.2 --predecessors 2"
+    assert platoon_design(f"--rho 5 --tau-max 0.5 {gains} --check") == 3
+    assert "follower 1 hears 1 of 2 vehicles and amplifies" in capsys.readouterr().out
+
+
+def test_the_papers_design_misses_what_it_does_not_have(capsys):
+    assert (
+        platoon_design("--rho 5 --tau-max 0.5 --k-a 0.5 --time-headway 0.95 --max-headway 1") == 0
+    )
+    assert "paper: k_a* and 1.01 h*" in capsys.readouterr().out
+    data, _ = answer(Question(5.0, 0.5, Requirements(k_a=0.5, time_headway=0.95)))
+    assert data["recommended"][0]["unmet"][:2] == [
+        "k_a 0.318305 is not 0.5",
+        "time_headway 0.881405 is not 0.95",
+    ]
