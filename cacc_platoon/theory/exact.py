@@ -130,7 +130,7 @@ def least_margins(gains: Gains, tau: float, ends: Sequence[float]) -> tuple[floa
     >>> from cacc_platoon.model.control import Gains
     >>> C, margin = least_margins(Gains(0.95, 0.5, 0.63, 0.009), 0.5, (0.4, 0.6))
     >>> round(C, 8), round(margin, 6)
-    (4.61e-05, 0.094055)
+    (4.61e-05, 0.061833)
     """
     found = [propagation_margins(gains, tau, k) for k in ends]
     return min(one.C for one in found), min(one.margin for one in found)

@@ -15,7 +15,7 @@ A = Gains(0.95, 0.5, 0.63, 0.009)
 D = Gains(0.95, 0.5, 0.75, 1.0)
 E = Gains(0.75, 0.5, 0.8, 0.5)
 HOW: dict[str, Any] = {"standstill_distance": 5.0, "speed": 25.0, "deceleration": 8.0}
-STEP = 0.0025
+STEP = 0.005
 
 
 @pytest.mark.parametrize("gains", [A, D, E], ids="ADE")
@@ -62,28 +62,28 @@ def test_the_worst_braking_attains_it_and_no_other_exceeds_it(gains):
         chosen = np.zeros(times.size)
         chosen[np.argsort(answer)[-round(3.125 / STEP) :]] = 1.0
         reached = smallest(gains, 0.4, chosen[::-1])[vehicle]
-        assert reached == pytest.approx(worst[vehicle], abs=0.01)
+        assert reached == pytest.approx(worst[vehicle], abs=0.02)
     rng = np.random.default_rng(2)
-    tries = [np.arange(4000) < round(3.125 / STEP)]
-    for _ in range(3):
+    tries = [np.arange(2000) < round(3.125 / STEP)]
+    for _ in range(2):
         slots = rng.permutation(16)[:5]
-        tries.append(np.isin(np.arange(4000) // 250, slots))
+        tries.append(np.isin(np.arange(2000) // 125, slots))
     for braking in tries:
-        assert (smallest(gains, 0.4, braking.astype(float)) >= worst - 0.01).all()
+        assert (smallest(gains, 0.4, braking.astype(float)) >= worst - 0.02).all()
 
 
 def test_a_straight_stop_is_not_the_worst():
     """Of vehicle 2 behind E: braking twice brings it closer than braking once."""
-    stop = np.arange(4000) < round(3.125 / STEP)
+    stop = np.arange(2000) < round(3.125 / STEP)
     straight = smallest(E, 0.4, stop.astype(float))[1]
     assert worst_spacing(E, 0.5, 0.4, **HOW, vehicles=2)[1] < straight - 0.01
 
 
 def test_several_lags_and_gains_give_the_least_of_them():
-    lags, k = [0.5, 0.5, 0.1], [0.4, 0.6, 0.4]
-    alone = [worst_spacing(E, *pair, **HOW, vehicles=2) for pair in zip(lags, k, strict=True)]
-    found = worst_spacing(E, lags, k, **HOW, vehicles=2)
-    assert found == pytest.approx(np.min(alone, axis=0), abs=5e-3)
+    lags, k, how = [0.5, 0.5, 0.1], [0.4, 0.6, 0.4], {**HOW, "vehicles": 2, "steps": 15.0}
+    alone = [worst_spacing(E, *pair, **how) for pair in zip(lags, k, strict=True)]
+    found = worst_spacing(E, lags, k, **how)
+    assert found == pytest.approx(np.min(alone, axis=0), abs=0.02)
 
 
 def test_edges():
@@ -91,6 +91,6 @@ def test_edges():
     hard = worst_spacing(D, 0.5, 0.4, **{**HOW, "deceleration": 80.0})[0]
     assert hard < worst_spacing(D, 0.5, 0.4, **HOW)[0]
     gentle = worst_spacing(D, 0.5, 0.4, **{**HOW, "deceleration": 0.01})[0]
-    assert gentle == pytest.approx(5.0, abs=0.01)
+    assert gentle == pytest.approx(5.0, abs=0.02)
     with pytest.raises(DesignError, match="deceleration = 0 m/s"):
         worst_spacing(D, 0.5, 0.4, **{**HOW, "deceleration": 0.0})
