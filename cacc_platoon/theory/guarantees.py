@@ -130,6 +130,8 @@ def _peaks(worst: WorstGain) -> str:
     grow = f"grow by a factor of at most {worst.gain:.4g} per hop"
     if worst.at_most == worst.gain:
         return grow
+    if not math.isfinite(worst.at_most):
+        return f"{grow} at the lags that were tried; the loop rings too long for a bound"
     return f"{grow} (no lag above {math.ceil(worst.at_most * 100.0 - 1e-9) / 100.0:.2f})"
 
 

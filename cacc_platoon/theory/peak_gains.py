@@ -46,9 +46,11 @@ __all__ = [
 ]
 
 SCAN_TOLERANCE = 0.02
-"""By what share of itself a scan over lags may at most have missed the largest gain."""
+"""By what share of itself a scan over lags may have missed the largest gain, unless the loop rings
+so long that its lags would be too many; `WorstGain.at_most` says what holds."""
 _SHORTEST = 1e-3
 _COARSE = 13
+_MOST_LAGS, _MOST_SWINGS = 160, 600.0
 _LONGEST_SUM = 20_000  # steps, until all modes but one are dead
 
 
@@ -365,7 +367,10 @@ def _lags(gains: Gains, tau_max: float) -> Float:
     density = _change(gains, coarse) / (2.0 * reach)
     log = np.log(coarse)
     count = np.concatenate(([0.0], np.cumsum(np.diff(log) * 0.5 * (density[1:] + density[:-1]))))
-    number = math.ceil(float(count[-1])) + 1
+    roots = poles(gains, coarse)
+    swings = float(np.max(np.abs(roots.imag) / -roots.real))  # how often a pair rings, about
+    most = min(_MOST_LAGS, max(_COARSE, int(_MOST_SWINGS / max(swings, 1.0))))
+    number = min(math.ceil(float(count[-1])) + 1, most)
     lags = np.exp(np.interp(np.linspace(0.0, count[-1], number), count, log))
     lags[-1] = tau_max
     return np.asarray(lags, dtype=np.float64)

@@ -89,7 +89,7 @@ def test_headroom_is_the_first_latency_that_amplifies(draw, size, place, held, e
 
 
 @given(STABLE, st.floats(-6, -2).map(math.exp), st.sampled_from([1.0, 1.0, 0.7, 0.3]))
-@settings(max_examples=30)
+@settings(max_examples=15)
 def test_margin_against_brute_force_on_the_unit_circle(draw, period, held):
     """41 lags, both ends of I, and every age in periods that the margin allows."""
     gains, tau = design_in_the_region(draw)
@@ -136,7 +136,7 @@ def test_what_grows_in_theory_grows_in_the_time_domain():
 
 
 @given(STABLE, st.sampled_from([0.0, 0.02]), st.sampled_from([(1.0, 1.0), (0.8, 1.0), (1.0, 0.6)]))
-@settings(max_examples=20)
+@settings(max_examples=10)
 def test_critical_period_is_the_first_loss(draw, latency, loss):
     gains, tau = design_in_the_region(draw)
     reception, held = loss

@@ -124,7 +124,7 @@ def design_in_the_region(draw):
 
 
 @given(STABLE, st.floats(-4, 0).map(math.exp))
-@settings(max_examples=60)
+@settings(max_examples=30)
 def test_critical_period_with_held_packets_is_the_first_loss(draw, held):
     """Every period below keeps string stability, just above it is lost."""
     gains, tau = design_in_the_region(draw)
@@ -138,7 +138,7 @@ def test_critical_period_with_held_packets_is_the_first_loss(draw, held):
 
 
 @given(STABLE, st.floats(-4, -1).map(math.exp))
-@settings(max_examples=60)
+@settings(max_examples=30)
 def test_critical_loss_is_the_first_loss(draw, period):
     gains, tau = design_in_the_region(draw)
     most = critical_loss(gains, 5.0, tau, period)
