@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["Guarantee", "guarantees"]
 
 NONE = "-"
+_RINGS = "the loop rings too long for a bound"
 _SILENT = "nothing is communicated: as in the mean"
 
 
@@ -92,7 +93,7 @@ def _known(say: Callable[[], str]) -> str:
     try:
         return say()
     except DesignError:
-        return "out of reach: the loop rings too long"
+        return _RINGS
 
 
 def _mean_square(certificate: Certificate) -> str:
@@ -125,13 +126,13 @@ def _frozen(certificate: Certificate) -> str:
 def _peaks(worst: WorstGain) -> str:
     if not math.isfinite(worst.gain):
         return "grow without bound"
-    if worst.gain <= 1.0 + 1e-9:
-        return "do not grow"
     grow = f"grow by a factor of at most {worst.gain:.4g} per hop"
+    if worst.gain <= 1.0 + 1e-9:
+        grow = "do not grow"
     if worst.at_most == worst.gain:
         return grow
     if not math.isfinite(worst.at_most):
-        return f"{grow} at the lags that were tried; the loop rings too long for a bound"
+        return f"{grow} at the lags that were tried; {_RINGS}"
     return f"{grow} (no lag above {math.ceil(worst.at_most * 100.0 - 1e-9) / 100.0:.2f})"
 
 
@@ -145,6 +146,8 @@ def _error_energy(certificate: Certificate, *, equal: bool) -> str:
 
 def _error_peaks(certificate: Certificate) -> str:
     error, gain = certificate.worst_sure_error_gain.at_most, certificate.worst_sure_gain.at_most
-    if not math.isfinite(error):
+    if not certificate.internally_stable:
         return "grow without bound"
+    if not (math.isfinite(error) and math.isfinite(gain)):
+        return _RINGS
     return f"at most {error:.4g} s^2 max|a_(i-1)|, and {error:.4g} * {gain:.4g}^(i-1) s^2 max|a_0|"

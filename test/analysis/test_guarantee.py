@@ -97,3 +97,13 @@ def test_nothing_is_guaranteed_of_a_platoon_that_is_not_string_stable():
     verdict = judge(Scenario.from_values({**SETTINGS, "controller.time_headway": 0.65}))
     assert verdict.guarantee == "nothing is guaranteed"
     assert verdict.guarantees[0].mean.startswith("may grow: sup|H| = 1.0")
+
+
+def test_what_a_scan_found_is_not_said_of_lags_that_it_did_not_try():
+    calm = certify(Gains(1.3, 0.1, 1.0, 0.05), 5.0, 0.1)
+    assert calm.linf_gain == pytest.approx(1.0, abs=1e-9)
+    assert guarantees(calm)[1].mean.startswith("do not grow (no lag above 1.0")
+    ringing = guarantees(certify(Gains(0.95, 0.5, 0.63, 300.0), 5.0, 0.5))
+    for text in (ringing[1].mean, ringing[1].sure, ringing[3].sure):
+        assert "inf" not in text
+        assert text.endswith("the loop rings too long for a bound")
