@@ -16,8 +16,8 @@ _EXACT_TEST = (
 _PAPER_TEST = "paper's Theorem 2: h_w > h_lb(k_a) and (k_p, k_v) in S = S1 and S2, sufficient only"
 _LINF_NAME = (
     "L-infinity: L1 norm of the impulse response of H, largest over every tau in (0, tau0] by a "
-    "scan that misses no more than 2 % of it, and at both ends of I; bounds the ratio of peaks of "
-    "a_i, and of delta_i between equal followers, in the mean system, and of no noisy run"
+    "scan, whose bound for the lags between is above, and at both ends of I; bounds the ratio of "
+    "peaks of a_i, and of delta_i between equal followers, in the mean system, and of no noisy run"
 )
 _SURE_NAME = (
     "L-infinity: sum of max |h[n]| over {} the noise may have at any instant, of the loop sampled "

@@ -132,10 +132,14 @@ def scenario_table(scenario: Scenario) -> str:
 
 def text_table(heads: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
     """Return rows of words."""
-    body = [
-        "".join(f'<td class="text">{html.escape(str(item))}</td>' for item in row) for row in rows
-    ]
+    body = ["".join(map(_words, ("", *heads[1:]), row)) for row in rows]
     return _table([_heading(text, left=True) for text in heads], body, kind="words")
+
+
+def _words(head: str, item: object) -> str:
+    """Return a cell that knows its heading, for screens too narrow to show it above."""
+    label = f' data-head="{html.escape(head)}: "' if head else ""
+    return f'<td class="text"{label}>{html.escape(str(item))}</td>'
 
 
 def fact_table(facts: Sequence[tuple[str, object]]) -> str:

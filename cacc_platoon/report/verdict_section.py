@@ -112,17 +112,6 @@ def _basis_table(report: Report, metrics: dict[str, Any]) -> str:
 
 def _certificate_rows(report: Report) -> Iterator[tuple[str, str, str]]:
     """Say what follows from the parameters alone."""
-    kept = " without losses" if report.verdict.bases.losses else ""
-    if braking := report.worst_braking:
-        yield (
-            f"Least gap over all brakings, up to {braking.deceleration:g} m/s^2 from "
-            f"{braking.speed:g} m/s",
-            f"{braking.gap:.2f} m" + (": collision" if braking.gap <= 0 else ""),
-            f"in the mean{kept}, from the equilibrium spacing: the leader brakes "
-            "whenever it hurts most, not only once; least of both ends of I, of "
-            "the lags tau0, tau0/2 and tau0/10, and of "
-            f"the first {braking.vehicles} followers",
-        )
     verdict, bases = report.verdict, report.verdict.bases
     unknown = verdict.undecided
     yield "String stable, robustly (L2)", _answer(verdict.string_stable, unknown), bases.exact
@@ -146,6 +135,17 @@ def _certificate_rows(report: Report) -> Iterator[tuple[str, str, str]]:
             f"vehicle {verdict.weakest.follower} is the weakest",
             "certified link by link on a_i = H_i a_{i-1}; delta_i = H delta_{i-1} needs equal "
             "followers",
+        )
+    kept = " without losses" if bases.losses else ""
+    if braking := report.worst_braking:
+        yield (
+            f"Least gap over all brakings, up to {braking.deceleration:g} m/s^2 from "
+            f"{braking.speed:g} m/s",
+            f"{braking.gap:.2f} m" + (": collision" if braking.gap <= 0 else ""),
+            f"in the mean{kept}, from the equilibrium spacing: the leader brakes "
+            "whenever it hurts most, not only once; least of both ends of I, of "
+            "the lags tau0, tau0/2 and tau0/10, and of "
+            f"the first {braking.vehicles} followers",
         )
 
 

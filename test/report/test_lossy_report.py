@@ -53,7 +53,8 @@ def page_rows(text: str) -> dict[str, list[str]]:
     """Return answer and basis of each question of a page; several to one question are joined."""
     rows: dict[str, list[str]] = {"": [html.unescape(re.sub(r"<[^>]+>", " ", text))]}
     for row in re.findall(r"<tr>(.*?)</tr>", text):
-        cells = [html.unescape(cell) for cell in re.findall(r'<td class="text">([^<]*)</td>', row)]
+        found = re.findall(r'<td class="text"[^>]*>([^<]*)</td>', row)
+        cells = [html.unescape(cell) for cell in found]
         if len(cells) == 3:
             rows.setdefault(cells[0], []).extend(cells[1:])
     return rows
