@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from cacc_platoon import __version__
+from cacc_platoon.cli.console import libraries_on_stderr
 from cacc_platoon.cli.exit_codes import DONE, FAILED
 from cacc_platoon.cli.ros import rmw_fault
 from cacc_platoon.dds.environment import RANGE, check_loading, is_local, set_up
@@ -55,7 +56,8 @@ def run(options: argparse.Namespace) -> int:
         _shared_memory,
         _disk,
     ]
-    findings = [check() for check in checks]
+    with libraries_on_stderr():
+        findings = [check() for check in checks]
     if options.json:
         print(
             json.dumps({found.what: {"ok": found.well, "text": found.text} for found in findings})

@@ -362,7 +362,8 @@ class Platoon:
 
     @property
     def _ended(self) -> bool:
-        return self._status is not None and self._status.phase.ended
+        told = self._status is not None and self._status.phase.ended
+        return told or self._processes["supervisor"].poll() is not None
 
     @property
     def _phase(self) -> str:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import AccelStamped, PoseStamped, Vector3Stamped
+from geometry_msgs.msg import PoseStamped, Vector3Stamped
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Bool, Int64, String
 
@@ -257,10 +257,12 @@ def test_a_packet_of_another_publisher_is_found_out_at_the_latest_at_the_end(
     platoon: Start,
 ) -> None:
     """It comes and is gone between two looks at the graph, with a stamp that may be."""
-    run = platoon("run.duration=2", "platoon.followers=2", "v2v.loss=0.3", hosts=1)
-    accel = VehicleTopics("/platoon", 1).received
-    publisher = run.advertise(AccelStamped, accel.name, qos.stream(run.scenario))
-    publisher.publish(accel.codec.encode(0, 0.5))
+    later = "vehicle_2/vehicle"
+    settings = ("run.duration=2", "platoon.followers=2", "v2v.loss=0.3")
+    run = platoon(*settings, hosts=1, manual_nodes={later: ()})
+    publish = run.publisher(VehicleTopics("/platoon", 1).received)
+    publish(0, 0.5)
+    run.start(later)
     result = run.result()
     assert result.exit_code == 1
     assert result.status == "failed"

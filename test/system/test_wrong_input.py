@@ -1,5 +1,7 @@
 """Wrong input to real commands and nodes: one clear line, exit code 2, nothing started."""
 
+import contextlib
+import fcntl
 import json
 import os
 import subprocess
@@ -8,12 +10,15 @@ from pathlib import Path
 
 import pytest
 
+from cacc_platoon.dds.domain import own_domain
+
 PAPER_A = Path(__file__).parents[2] / "config" / "paper_a.yaml"
 
 
-def platoon(*arguments: str) -> "subprocess.CompletedProcess[str]":
+def platoon(*arguments: str, **environment: str) -> "subprocess.CompletedProcess[str]":
     return subprocess.run(
         [sys.executable, "-m", "cacc_platoon", *arguments],
+        env={**os.environ, **environment},
         capture_output=True,
         text=True,
         timeout=60,
@@ -151,3 +156,17 @@ def test_doctor_finds_this_machine_well() -> None:
     findings = json.loads(done.stdout)
     assert done.returncode == 0, findings
     assert findings["DDS"]["ok"]
+
+
+def test_complaints_of_dds_do_not_get_into_the_answer_of_doctor() -> None:
+    """Fast DDS writes on standard output that a port of its was being opened by somebody else."""
+    with own_domain() as domain, contextlib.ExitStack() as stack:
+        for port in range(7400 + 250 * domain, 7420 + 250 * domain):
+            for kind in ("el", "sl"):
+                path = Path(f"/dev/shm/fastrtps_port{port}_{kind}")
+                stack.callback(path.unlink, missing_ok=True)
+                fcntl.flock(stack.enter_context(path.open("w")), fcntl.LOCK_EX)
+        done = platoon("doctor", "--json", ROS_DOMAIN_ID=str(domain))
+    assert "open_and_lock_file failed" in done.stderr
+    assert done.returncode == 0
+    assert json.loads(done.stdout)["DDS"]["ok"]
