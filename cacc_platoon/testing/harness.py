@@ -362,8 +362,7 @@ class Platoon:
 
     @property
     def _ended(self) -> bool:
-        told = self._status is not None and self._status.phase.ended
-        return told or self._processes["supervisor"].poll() is not None
+        return self._processes["supervisor"].poll() is not None
 
     @property
     def _phase(self) -> str:
