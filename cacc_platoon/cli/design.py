@@ -39,6 +39,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     question.add_argument(
         "--latency", type=float, default=0.0, help="largest constant V2V latency [s] (0)"
     )
+    question.add_argument(
+        "--v2v-period",
+        type=float,
+        help="time from packet to packet [s], a multiple of the control period (one every period)",
+    )
     question.add_argument("--reception", type=float, default=1.0, help="least packet reception (1)")
     question.add_argument(
         "--lost",
@@ -172,6 +177,7 @@ def _question(args: argparse.Namespace) -> Question:
         latency=args.latency,
         reception=args.reception,
         hold=args.lost == "hold",
+        v2v_period=args.v2v_period,
         min_gap=args.min_gap,
         braking=args.braking,
         speed=args.speed,

@@ -14,6 +14,8 @@ from cacc_platoon.theory.several_predecessors import MultiPredecessorBounds
 from cacc_platoon.theory.theorem2 import PaperRegion
 
 FORMAT = Format("design --json", 2)
+VEHICLES = 12
+"""Hops of the end-to-end gain."""
 
 
 def gains_document(gains: Gains) -> dict[str, Any]:
@@ -29,6 +31,7 @@ def gains_document(gains: Gains) -> dict[str, Any]:
 def certificate_document(certificate: Certificate) -> dict[str, Any]:
     """Return what a design guarantees as plain data."""
     gain_range = certificate.gain_range
+    rate = {} if certificate.v2v_period is None else {"v2v_period": _rate_document(certificate)}
     return {
         "internally_stable": certificate.internally_stable,
         "in_paper_region": certificate.in_paper_region,
@@ -55,6 +58,7 @@ def certificate_document(certificate: Certificate) -> dict[str, Any]:
             "latency_margin": certificate.joint_latency_margin,
             "critical_period": certificate.joint_critical_period,
         },
+        **rate,
         "mean_square_index": certificate.mean_square_index,
         "frozen_noise_margin": certificate.frozen_noise_margin,
         "slowest_time_constant": certificate.slowest_time_constant,
@@ -65,15 +69,28 @@ def certificate_document(certificate: Certificate) -> dict[str, Any]:
     }
 
 
+def _rate_document(certificate: Certificate) -> dict[str, Any]:
+    growth = certificate.v2v_growth
+    return {
+        "period": certificate.v2v_period,
+        "growth_per_hop": growth.growth if growth else None,
+        "frequency": growth.omega if growth else None,
+        "critical_period": certificate.critical_v2v_period,
+        "end_to_end_gain": certificate.v2v_end_to_end_gain(VEHICLES),
+    }
+
+
 def design_document(design: Design, gains: Gains) -> dict[str, Any]:
     """Return a recommended design as plain data, with its gains as the platoon applies them."""
     certificate = design.certificate
+    asked = certificate.v2v_period is not None
     return {
         "name": design.name,
         "gains": gains_document(gains),
         "string_stable": certificate.string_stable,
         "latency_margin": certificate.joint_latency_margin,
         "critical_period": certificate.joint_critical_period,
+        **({"critical_v2v_period": certificate.critical_v2v_period} if asked else {}),
         "linf_gain": certificate.linf_gain,
         "slowest_time_constant": certificate.slowest_time_constant,
         "reason": design.reason,

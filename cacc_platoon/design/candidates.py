@@ -12,6 +12,7 @@ import numpy as np
 from cacc_platoon.model.control import Gains
 from cacc_platoon.theory.joint_loop import joint_headroom
 from cacc_platoon.theory.latency import latency_headroom
+from cacc_platoon.theory.multirate import estimated_growth
 from cacc_platoon.theory.noise_interval import effective_interval
 from cacc_platoon.theory.region import exact_region, minimum_headway
 from cacc_platoon.theory.sampled import sampled_stability_map
@@ -195,6 +196,25 @@ class Estimates(NamedTuple):
             low, high = np.where(good, trial, low), np.where(good, high, trial)
             trial = np.sqrt(low * high)
         return trial
+
+    def v2v_growth(self, c: Candidates, period: float, interval: int, latency: float) -> Float:
+        """Largest growth per hop with a packet every `interval` control periods, per design."""
+        found = [np.zeros(0)]
+        for start in range(0, len(c), _CHUNK):
+            part = Candidates(*(column[start : start + _CHUNK] for column in c))
+            angle = self._frequencies(part, 32, np.pi / (period * interval)) * period * interval
+            growth = estimated_growth(
+                tuple(column[:, np.newaxis] for column in part),
+                (self.tau_max * _LATE_LAGS)[:, np.newaxis, np.newaxis, np.newaxis],
+                self._ends(part)[:, :, np.newaxis],
+                angle,
+                period=period,
+                interval=interval,
+                latency=latency,
+                held=self.held,
+            )
+            found.append(growth.max(axis=(0, 1, 3)))
+        return np.concatenate(found)
 
     def modes(self, c: Candidates, lag: float) -> NDArray[np.complex128]:
         """Poles [1/s] at a lag [s], shape (n, 3)."""

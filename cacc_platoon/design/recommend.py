@@ -23,6 +23,8 @@ from cacc_platoon.design.requirements import (
     paper_design,
 )
 from cacc_platoon.theory.errors import require
+from cacc_platoon.theory.exact import TOLERANCE
+from cacc_platoon.theory.lifted_hop import packet_interval
 from cacc_platoon.theory.noise_interval import k_a_max
 from cacc_platoon.theory.region import minimum_headway
 from cacc_platoon.theory.theorem2 import optimum
@@ -38,6 +40,7 @@ __all__ = ["recommend"]
 
 FRONT_SIZE = 24
 _SAFETY = 1.02  # estimates are coarse; what is asked of them is a little more than required
+_LONGER = (1.3, 1.7, 2.2, 3.0)
 _LONGEST = 2.5  # default max_headway in units of tau_max; without V2V 2 would do
 
 
@@ -155,11 +158,23 @@ def _demands(
             period *= 0.5
         return np.zeros(len(c))
 
+    def lost_rate(c: Candidates) -> NDArray[np.float64]:
+        """Likewise of the times from packet to packet."""
+        interval = packet_interval(ask.v2v_period or ask.period, ask.period)
+        while interval:
+            good = _bears_packets(c, estimates, ask, interval)
+            if good.any():
+                return np.where(good, -round(interval * ask.period, 12), 0.0)
+            interval //= 2
+        return np.zeros(len(c))
+
     late = ask.latency_margin
     demands = [
         ("latency + period", late, " s", -_SAFETY * late, _latency_cost(estimates)),
         ("period", ask.period, " s", -_SAFETY * ask.period, lost_period),
     ]
+    if ask.v2v_period is not None:
+        demands.append(("v2v_period", ask.v2v_period, " s", -round(ask.v2v_period, 12), lost_rate))
     if ask.max_time_constant is not None:
         slow = ask.max_time_constant
         demands.append(("max_time_constant", slow, " s", slow, estimates.slowest_time_constant))
@@ -169,22 +184,41 @@ def _demands(
     return demands
 
 
+def _bears_packets(
+    c: Candidates, estimates: Estimates, ask: Requirements, interval: int
+) -> NDArray[np.bool_]:
+    growth = estimates.v2v_growth(c, ask.period, interval, ask.latency)
+    return np.asarray(growth <= 1.0 + TOLERANCE, dtype=np.bool_)
+
+
+def _critical_interval(
+    c: Candidates, estimates: Estimates, ask: Requirements
+) -> NDArray[np.float64]:
+    """Estimate the longest time from packet to packet, on a scale of ratios, where one is asked."""
+    asked = packet_interval(ask.v2v_period or ask.period, ask.period)
+    found, left = np.full(len(c), float(asked)), np.arange(len(c))
+    for interval in sorted({round(ratio * asked) for ratio in _LONGER}):
+        left = left[_bears_packets(c.pick(left), estimates, ask, interval)]
+        found[left] = interval
+    return found
+
+
 def _latency_cost(estimates: Estimates) -> Callable[[Candidates], NDArray[np.float64]]:
     return lambda c: -estimates.latency_margin(c)
 
 
 def _estimate_costs(c: Candidates, estimates: Estimates, ask: Requirements) -> NDArray[np.float64]:
     margin = estimates.joint_latency_margin(c, ask.period)
-    return np.stack(
-        [
-            c.time_headway,
-            -margin,
-            -estimates.critical_period(c, margin, ask.latency, ask.period),
-            estimates.linf_gain(c),
-            estimates.slowest_time_constant(c),
-        ],
-        axis=1,
-    )
+    costs = [
+        c.time_headway,
+        -margin,
+        -estimates.critical_period(c, margin, ask.latency, ask.period),
+        estimates.linf_gain(c),
+        estimates.slowest_time_constant(c),
+    ]
+    if ask.v2v_period is not None:
+        costs.append(-_critical_interval(c, estimates, ask))
+    return np.stack(costs, axis=1)
 
 
 def _refine_shortest(feasible: Candidates, estimates: Estimates, ask: Requirements) -> Gains:

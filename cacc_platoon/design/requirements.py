@@ -16,6 +16,7 @@ from cacc_platoon.theory.errors import (
     require_reception,
     require_rho,
 )
+from cacc_platoon.theory.lifted_hop import packet_interval
 from cacc_platoon.theory.mean_square import NoiseStatistics
 from cacc_platoon.theory.noise_interval import checked_interval
 from cacc_platoon.theory.region import infimum_headway, minimum_headway
@@ -46,6 +47,9 @@ class Requirements:
         counts as zero, and any reception from this to 1 is covered.
     max_headway : float or None
         Longest headway [s]; default ``2.5 tau_max``.
+    v2v_period : float or None
+        Time from packet to packet [s], a whole multiple of `period`, with the acceleration held in
+        between; None for a packet every control period.
     min_gap : float or None
         Least gap [m] over all brakings of the leader with up to `braking` from `speed` to rest.
     braking, speed, standstill_gap : float
@@ -62,6 +66,7 @@ class Requirements:
     latency: float = 0.0
     reception: float = 1.0
     hold: bool = False
+    v2v_period: float | None = None
     min_gap: float | None = None
     braking: float = 8.0
     speed: float = 25.0
@@ -107,6 +112,7 @@ class Requirements:
             k_effective=k_effective,
             held=self.held,
             latency=self.latency,
+            v2v_period=self.v2v_period,
         )
 
     def unmet(self, certificate: Certificate) -> tuple[str, ...]:
@@ -135,6 +141,7 @@ class Requirements:
                 f"critical period {critical:.4g} s{late}{self._losing()} is not above "
                 f"{self.period:.4g} s"
             )
+        missed += self._missed_rate(certificate)
         if self.min_gap is not None:
             gap = self.worst_gap(certificate)
             if gap < self.min_gap:
@@ -158,6 +165,17 @@ class Requirements:
             if limit is not None and value > limit:
                 missed.append(f"{text} {value:.6g}{unit} is above {limit:.6g}{unit}")
         return tuple(missed)
+
+    def _missed_rate(self, certificate: Certificate) -> list[str]:
+        grown = certificate.v2v_growth
+        if grown is None or grown.growth <= 1:
+            return []
+        late = f" that comes {self.latency:g} s late" if self.latency else ""
+        return [
+            f"with a packet every {self.v2v_period:g} s{late}{self._losing()}, accelerations grow "
+            f"by {grown.growth:.6g} per hop at {grown.omega:.4g} rad/s; up to "
+            f"{certificate.critical_v2v_period:.4g} s they do not"
+        ]
 
     def worst_gap(self, certificate: Certificate) -> float:
         """Least gap [m] of the first 12 followers over all brakings, in the mean, without losses.
@@ -208,6 +226,8 @@ class Requirements:
             f"latency = {self.latency:g} s is not a finite, nonnegative time: no margin can cover "
             "it. Give the largest V2V latency in seconds.",
         )
+        if self.v2v_period is not None:
+            packet_interval(self.v2v_period, self.period)
         require_positive("braking", self.braking, "m/s^2")
         require_positive("speed", self.speed, "m/s")
         require(
@@ -250,7 +270,7 @@ class Requirements:
 
 @dataclass(frozen=True)
 class Design:
-    """A design with its certificate, of which the Pareto set trades five quantities.
+    """A design with its certificate, of which the Pareto set trades five or six quantities.
 
     Attributes
     ----------
@@ -275,14 +295,20 @@ class Design:
         return self.certificate.gains
 
     @property
-    def costs(self) -> tuple[float, float, float, float, float]:
-        """Headway, -latency margin, -critical period, L-infinity gain, slowest mode."""
+    def costs(self) -> tuple[float, ...]:
+        """Headway, -latency margin, -critical period, L-infinity gain, slowest mode.
+
+        With a V2V period of its own, minus the critical one too.
+        """
+        one = self.certificate
+        rate = () if one.v2v_period is None else (-one.critical_v2v_period,)
         return (
             self.gains.time_headway,
             -self.certificate.joint_latency_margin,
             -self.certificate.joint_critical_period,
             self.certificate.linf_gain,
             self.certificate.slowest_time_constant,
+            *rate,
         )
 
 
@@ -299,7 +325,8 @@ class Recommendation:
     designs : tuple of Design
         ``paper``, ``shortest``, ``robust``, ``balanced``.
     front : tuple of Design
-        Pareto set over headway, latency margin, critical period, L-infinity gain, slowest mode.
+        Pareto set over headway, latency margin, critical period, L-infinity gain, slowest mode,
+        and the critical V2V period where packets have a period of their own.
     """
 
     rho: float

@@ -104,10 +104,29 @@ def _certificate_lines(data: dict[str, Any]) -> list[str]:
         f"  constant V2V latency margin {_number(c['latency_margin'])} s in continuous time, "
         f"{_number(joint['latency_margin'])} s at period {joint['period']:g} s; {aged} the "
         f"period is lost at {joint['critical_period']:.4g} s",
+        *_rate_lines(c.get("v2v_period")),
         f"  slowest mode {_number(c['slowest_time_constant'])} s; tolerated k_a E[w] "
         + (f"{tolerated[0]:.6g} to {tolerated[1]:.6g}" if tolerated else "none"),
         f"  |delta_i(t)| <= {_number(c['leader_error_norm'])} ||a_0||_2 for every i"
         + ("" if c["string_stable"] else ": only for i = 1, as it is not string stable"),
+    ]
+
+
+def _rate_lines(rate: dict[str, Any] | None) -> list[str]:
+    """Say what becomes of a platoon whose packets have a period of their own."""
+    if rate is None:
+        return []
+    grows = rate["growth_per_hop"]
+    grown = (
+        "accelerations do not grow"
+        if grows == 1
+        else f"accelerations GROW by {_number(grows)} per hop at {rate['frequency']:.4g} rad/s"
+    )
+    return [
+        f"  a packet every {rate['period']:g} s, held: {grown}, in the mean, all sent at the same "
+        f"instants; they begin to above {_number(rate['critical_period'])} s",
+        f"  |a_12|_2 <= {_number(rate['end_to_end_gain'])} |a_0|_2 (above 1 also for what falls "
+        "between packets)",
     ]
 
 
@@ -170,18 +189,21 @@ def _extension_lines(data: dict[str, Any]) -> list[str]:
 
 
 def _recommendation_lines(designs: list[dict[str, Any]]) -> list[str]:
-    header = f"{'Recommended':12s}" + "".join(f"{title:>13s}" for title, _ in _TABLE)
+    rate = "critical_v2v_period" in designs[0]
+    table = (*_TABLE[:6], ("V2V [s]", "critical_v2v_period"), *_TABLE[6:]) if rate else _TABLE
+    header = f"{'Recommended':12s}" + "".join(f"{title:>13s}" for title, _ in table)
     lines = [header]
     for design in designs:
         values = {**design, **design["gains"]}
         row = "".join(
             f"{'inf' if values[key] is None else format(values[key], '.4g'):>13s}"
-            for _, key in _TABLE
+            for _, key in table
         )
         lines.append(f"{design['name']:12s}{row}")
     lines.append(
         "(latency, period: where the loop with all that is asked is lost, the period with an "
-        "acceleration one period older than the latency)"
+        "acceleration one period older than the latency"
+        + ("; V2V: the longest time between packets at which nothing grows)" if rate else ")")
     )
     for design in designs:
         unmet = f". MISSES: {'; '.join(design['unmet'])}" if design["unmet"] else ""

@@ -99,11 +99,12 @@ def norm_ratios(
     vehicles: int,
     age: int = 0,
     held: float = 1.0,
+    interval: int = 1,
     since: int = 0,
 ) -> Float:
     """Run a platoon whose leader has the given commands [m/s^2], all at rest at first.
 
-    The norms count from sample `since` on.
+    A packet comes every `interval` periods, and the norms count from sample `since` on.
 
     Returns
     -------
@@ -120,10 +121,39 @@ def norm_ratios(
     for step, command in enumerate(np.asarray(commands).tolist()):
         x, v, a = state
         past = [a[:-1], *past[:age]]
-        heard = held * past[age] + (1.0 - held) * heard
+        if step >= age and (step - age) % interval == 0:
+            heard = held * past[age] + (1.0 - held) * heard
         error = x[1:] - x[:-1] + h * v[1:]
         push[0] = command
         push[1:] = k_effective * heard - k_v * (v[1:] - v[:-1]) - k_p * error
         energy += a * a * (step >= since)
         state = plant.advance(state, push)
     return np.asarray(np.sqrt(energy[1:] / energy[:-1]), dtype=np.float64)
+
+
+def lifted_growth(
+    gains: Gains,
+    tau: float,
+    k_effective: float,
+    period: float,
+    interval: int,
+    *,
+    age: int = 0,
+    held: float = 1.0,
+) -> float:
+    """Largest eigenvalue of the hop over 300 angles when a packet comes every `interval` periods.
+
+    All `interval` frequencies that mix are kept, and the plant's own response is used.
+    """
+    lowest = 1e-2 * min(gains.k_p / gains.k_v, np.sqrt(gains.k_p)) * period * interval
+    angle = np.geomspace(min(lowest, 1e-2), np.pi, 300)
+    turn = (angle[:, np.newaxis] + 2.0 * np.pi * np.arange(interval)) / interval
+    silent = response(gains, tau, 0.0, period, turn / period)
+    heard = response(gains, tau, k_effective, period, turn / period) - silent
+    stay = np.exp(-1j * turn[..., np.newaxis] * np.arange(interval)).mean(axis=-1)
+    lost = held / (1.0 - (1.0 - held) * np.exp(-1j * angle))
+    heard = heard * stay * np.exp(-1j * turn * age) * lost[:, np.newaxis]
+    hop = np.repeat(heard[..., np.newaxis], interval, axis=-1)
+    every = np.arange(interval)
+    hop[..., every, every] += silent
+    return float(np.abs(np.linalg.eigvals(hop)).max())

@@ -8,25 +8,27 @@ are proven and which numerical: docs/theory.md, section 13 (What is proven and w
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from cacc_platoon.theory.errors import require, require_positive, require_reception
+from cacc_platoon.theory.certified_loop import CertifiedLoop
+from cacc_platoon.theory.end_to_end import end_to_end_gain
 from cacc_platoon.theory.exact import L2Gain, is_string_stable, least_margins, worst_l2_gain
 from cacc_platoon.theory.joint_loop import joint_critical_period, joint_latency_margin
 from cacc_platoon.theory.latency import latency_margin
+from cacc_platoon.theory.lifted_hop import packet_interval
 from cacc_platoon.theory.mean_square import (
     NoiseStatistics,
     leader_error_norm,
     worst_leader_error_gain,
 )
-from cacc_platoon.theory.noise_growth import worst_frozen_noise_margin, worst_mean_square_index
-from cacc_platoon.theory.noise_interval import (
-    EffectiveInterval,
-    effective_gains,
-    effective_interval,
+from cacc_platoon.theory.multirate import (
+    HopGrowth,
+    critical_v2v_period,
+    worst_multirate_growth,
 )
+from cacc_platoon.theory.noise_growth import worst_frozen_noise_margin, worst_mean_square_index
 from cacc_platoon.theory.peak_gains import (
     WorstGain,
     linf_gain,
@@ -52,75 +54,12 @@ __all__ = ["Certificate", "certify"]
 
 
 @dataclass(frozen=True)
-class Certificate:
+class Certificate(CertifiedLoop):
     """What one design guarantees: worst over tau in (0, tau_max] and I unless stated otherwise.
 
     The fields are the question, two equal questions are equal certificates. The parts are its
     answers; a part that cannot be computed raises `DesignError` when it is read.
-
-    Attributes
-    ----------
-    gains : Gains
-        Controller.
-    rho, tau_max : float
-        Linear signal-to-noise ratio and largest actuation lag ``tau_0`` [s].
-    period : float
-        Control period [s] of the sampled loop.
-    noise : NoiseStatistics
-        For the mean-square index.
-    reception : float
-        Smallest packet reception probability, losses counted as zero.
-    held : float
-        Packet reception probability of a receiver that holds the last packet. `string_stable`
-        and what is sampled are judged with it; gains, margins and the paper's test are those of
-        the loop without loss.
-    k_effective : float or None
-        The one effective gain at `tau_max` that is asked for instead of the worst case.
-    latency : float
-        V2V latency [s] of the joint loop.
     """
-
-    gains: Gains
-    rho: float
-    tau_max: float
-    period: float = 0.01
-    noise: NoiseStatistics = field(default_factory=NoiseStatistics)
-    reception: float = 1.0
-    k_effective: float | None = None
-    held: float = 1.0
-    latency: float = 0.0
-
-    def __post_init__(self) -> None:
-        """Refuse a question that has no meaning; a design that fails is an answer."""
-        require_positive("tau_max", self.tau_max, "s")
-        require_positive("period", self.period, "s")
-        require_positive("time_headway", self.gains.time_headway, "s")
-        k = 0.0 if self.k_effective is None else self.k_effective
-        for name, value in {**self.gains._asdict(), "k_effective": k}.items():
-            require(
-                math.isfinite(value) and value >= 0,
-                f"{name} = {value:g} is not a finite, nonnegative number: the control law would "
-                f"push the wrong way. Give {name} >= 0.",
-            )
-        require(
-            0 <= self.latency < math.inf,
-            f"latency = {self.latency:g} s is not a finite, nonnegative time: no margin can cover "
-            "it. Give the largest V2V latency in seconds.",
-        )
-        _ = self.interval  # refuses rho and reception
-        require_reception(self.held, "held")
-
-    @cached_property
-    def interval(self) -> EffectiveInterval:
-        """The interval I of ``k = k_a E[w]``, with losses ``p k_a E[w]``."""
-        return effective_interval(self.gains.k_a, self.rho, reception=self.reception)
-
-    @cached_property
-    def effective_gains(self) -> tuple[float, ...]:
-        """The effective gains that decide: both ends of I, or `k_effective`."""
-        return effective_gains(
-            self.gains.k_a, self.rho, reception=self.reception, k_effective=self.k_effective
-        )
 
     @cached_property
     def internally_stable(self) -> bool:
@@ -158,8 +97,7 @@ class Certificate:
             self.gains,
             self.rho,
             self.tau_max,
-            reception=self.reception,
-            k_effective=self.k_effective,
+            **self.worst_case,
         )
 
     @property
@@ -235,9 +173,7 @@ class Certificate:
             self.rho,
             self.tau_max,
             self.period,
-            held=self.held,
-            reception=self.reception,
-            k_effective=self.k_effective,
+            **self.sampled_worst_case,
         )
 
     @cached_property
@@ -248,9 +184,7 @@ class Certificate:
             self.gains,
             self.rho,
             self.tau_max,
-            held=self.held,
-            reception=self.reception,
-            k_effective=self.k_effective,
+            **self.sampled_worst_case,
             lost_at=self.period if lost else math.inf,
         )
 
@@ -262,8 +196,7 @@ class Certificate:
             self.rho,
             self.tau_max,
             self.period,
-            reception=self.reception,
-            k_effective=self.k_effective,
+            **self.worst_case,
             lost_at=1.0 if self.sampled_string_stable else 1.0 - self.held,
         )
 
@@ -275,9 +208,7 @@ class Certificate:
             self.rho,
             self.tau_max,
             self.period,
-            held=self.held,
-            reception=self.reception,
-            k_effective=self.k_effective,
+            **self.sampled_worst_case,
         )
 
     @cached_property
@@ -288,9 +219,49 @@ class Certificate:
             self.rho,
             self.tau_max,
             latency=self.latency,
+            **self.sampled_worst_case,
+        )
+
+    @cached_property
+    def v2v_growth(self) -> HopGrowth | None:
+        """Growth per hop with a packet every `v2v_period`; None without one of its own."""
+        if self.v2v_period is None:
+            return None
+        return worst_multirate_growth(
+            self.gains,
+            self.rho,
+            self.tau_max,
+            self.period,
+            packet_interval(self.v2v_period, self.period),
+            latency=self.latency,
+            **self.sampled_worst_case,
+        )
+
+    @cached_property
+    def critical_v2v_period(self) -> float:
+        """Longest time [s] from packet to packet at which nothing grows."""
+        return critical_v2v_period(
+            self.gains,
+            self.rho,
+            self.tau_max,
+            self.period,
+            latency=self.latency,
+            **self.sampled_worst_case,
+        )
+
+    def v2v_end_to_end_gain(self, vehicles: int) -> float | None:
+        """Largest ``|a_N|_2`` per ``|a_0|_2``, packets every `v2v_period`, where they grow most."""
+        if self.v2v_period is None or self.v2v_growth is None:
+            return None
+        return end_to_end_gain(
+            self.gains,
+            max(self.v2v_growth.tau, 1e-6 * self.tau_max),
+            self.v2v_growth.k_effective,
+            self.period,
+            packet_interval(self.v2v_period, self.period),
+            vehicles=vehicles,
+            latency=self.latency,
             held=self.held,
-            reception=self.reception,
-            k_effective=self.k_effective,
         )
 
     @cached_property
@@ -300,8 +271,7 @@ class Certificate:
             self.gains,
             self.rho,
             self.tau_max,
-            reception=self.reception,
-            k_effective=self.k_effective,
+            **self.worst_case,
         )
 
     @cached_property
@@ -352,8 +322,11 @@ class Certificate:
         """Compute every part, and return them by name; with `held` not all can be."""
         return {
             name: getattr(self, name)
-            for name, part in vars(type(self)).items()
-            if isinstance(part, cached_property | property) and not name.startswith(("_", "fails"))
+            for kind in (CertifiedLoop, Certificate)
+            for name, part in vars(kind).items()
+            if isinstance(part, cached_property | property)
+            and not name.startswith(("_", "fails"))
+            and not name.endswith("worst_case")
         }
 
 
@@ -368,12 +341,13 @@ def certify(
     k_effective: float | None = None,
     held: float = 1.0,
     latency: float = 0.0,
+    v2v_period: float | None = None,
 ) -> Certificate:
     """Certify one design.
 
     Parameters
     ----------
-    gains, rho, tau_max, period, noise, reception, k_effective, held, latency
+    gains, rho, tau_max, period, noise, reception, k_effective, held, latency, v2v_period
         The attributes of `Certificate`; no noise of its own by default, but every mean that `rho`
         permits.
 
@@ -396,4 +370,6 @@ def certify(
     (True, 0.0818)
     """
     noise = noise or NoiseStatistics(redraw_period=period)
-    return Certificate(gains, rho, tau_max, period, noise, reception, k_effective, held, latency)
+    return Certificate(
+        gains, rho, tau_max, period, noise, reception, k_effective, held, latency, v2v_period
+    )

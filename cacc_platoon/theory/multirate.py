@@ -1,0 +1,329 @@
+"""V2V at its own rate: whether errors grow when packets come every M control periods.
+
+They do iff the spectral radius of the hop lifted over one V2V period (`lifted_hop`) exceeds one at
+some angle. A search over angle, lag and the ends of I finds where: numerical
+(docs/theory.md, section 7 (V2V latency)).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from cacc_platoon.theory.errors import require_positive
+from cacc_platoon.theory.exact import TOLERANCE
+from cacc_platoon.theory.lifted_hop import (
+    MOST_INTERVAL,
+    PacketTimes,
+    first_order_radius,
+    mean_phase_size,
+    refined_peaks,
+    spectral_radius,
+)
+from cacc_platoon.theory.noise_interval import effective_gains
+from cacc_platoon.theory.repeated_motion import repeated_motion_radius
+from cacc_platoon.theory.sampled import in_unit_disc, lags_to_try, sampled_hop
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from cacc_platoon.model.control import Gains
+
+    Float = NDArray[np.float64]
+
+__all__ = [
+    "HopGrowth",
+    "critical_v2v_period",
+    "estimated_growth",
+    "mean_phase_growth",
+    "multirate_growth",
+    "worst_multirate_growth",
+]
+
+_ANGLES, _PEAKS, _ESTIMATED = 96, 4, 5
+_TURNS = np.concatenate((np.geomspace(1e-4, 0.1, 16), np.linspace(0.1, np.pi, 40)[1:]))
+
+
+class HopGrowth(NamedTuple):
+    """How much slow or fast errors grow from vehicle to vehicle.
+
+    Attributes
+    ----------
+    growth : float
+        Factor per hop in the long run, at least 1: ``H = 1`` for signals that never change.
+    omega : float
+        Frequency at which it is largest [rad/s], 0 where nothing grows.
+    tau, k_effective : float
+        Lag [s] and effective gain at which it is.
+    """
+
+    growth: float
+    omega: float
+    tau: float
+    k_effective: float
+
+
+def estimated_growth(
+    gains: tuple[Float, ...],
+    tau: ArrayLike,
+    k_effective: ArrayLike,
+    angle: ArrayLike,
+    *,
+    period: float,
+    interval: int,
+    latency: float,
+    held: float,
+) -> Float:
+    """First-order estimate of the spectral radius for arrays of designs, for a search.
+
+    All arrays broadcast; see `multirate_growth`. `angle` is ``omega`` times the V2V period.
+    """
+    channel = PacketTimes.of(period, interval, latency, held)
+    return first_order_radius(channel.hop(gains, tau, k_effective, angle, nearest=_ESTIMATED))
+
+
+def _growth(packets: PacketTimes, gains: Gains, pairs: tuple[Float, Float]) -> HopGrowth:
+    """Growth for pairs of lag and effective gain, each of shape (n, 1).
+
+    A motion that every vehicle repeats decides whether there is any; then `spectral_radius` says
+    how much.
+    """
+    if not _own_loops_stable(gains, pairs, packets.period):
+        return HopGrowth(math.inf, 0.0, float(pairs[0][-1, 0]), float(pairs[1][-1, 0]))
+    radius, _, row = _peak(
+        lambda turn, tau, k: repeated_motion_radius(packets, gains, tau, k, turn), _TURNS, pairs
+    )
+    tau, k = (float(column[row, 0]) for column in pairs)
+    if not radius > 1.0 + TOLERANCE:
+        return HopGrowth(1.0, 0.0, tau, k)
+    growth, angle, _ = _peak(
+        lambda angle, tau, k: spectral_radius(packets.hop(gains, tau, k, angle)),
+        packets.angles(gains, _ANGLES),
+        (np.array([[tau]]), np.array([[k]])),
+    )
+    return HopGrowth(max(growth, 1.0), angle / (packets.period * packets.interval), tau, k)
+
+
+def _own_loops_stable(gains: Gains, pairs: tuple[Float, Float], period: float) -> bool:
+    h, _, k_v, k_p = gains
+    hop = sampled_hop(h, k_v, k_p, *pairs, period=period)
+    return bool(in_unit_disc(hop.loop, np.asarray(period)).all())
+
+
+def _peak(
+    measure: Callable[[Float, Float, Float], Float], places: Float, pairs: tuple[Float, Float]
+) -> tuple[float, float, int]:
+    """Close in on the highest peaks: height, place, row of the pair.
+
+    Every measure is one at the start, from where it falls or rises.
+    """
+    size = measure(places, *pairs)
+    padded = np.pad(size, ((0, 0), (1, 1)), constant_values=((0, 0), (np.inf, -np.inf)))
+    row, at = np.nonzero((size >= padded[:, :-2]) & (size >= padded[:, 2:]))
+    if not row.size:
+        return 1.0, 0.0, len(size) - 1
+    best = np.argsort(-size[row, at], kind="stable")[:_PEAKS]
+    row, at = row[best], at[best]
+    low, high = places[np.maximum(at - 1, 0)], places[np.minimum(at + 1, places.size - 1)]
+    tau, k = (column[row] for column in pairs)
+    found, local = refined_peaks(lambda near: measure(near, tau, k), low, high)
+    top = int(np.argmax(found))
+    return float(found[top]), float(local[top]), int(row[top])
+
+
+def multirate_growth(
+    gains: Gains,
+    tau: float,
+    k_effective: float,
+    period: float,
+    interval: int,
+    *,
+    latency: float = 0.0,
+    held: float = 1.0,
+) -> HopGrowth:
+    """Growth per hop when a packet comes every `interval` control periods and is held.
+
+    All vehicles send at the same control instants.
+
+    Parameters
+    ----------
+    gains : Gains
+        Controller.
+    tau, k_effective : float
+        Lag [s] and ``k_a E[w]``; times the reception where a lost packet counts as zero.
+    period : float
+        Control period ``T`` [s].
+    interval : int
+        Control periods per packet ``M``.
+    latency : float, optional
+        Constant V2V latency [s], rounded up to control periods.
+    held : float, optional
+        Packet reception probability of a receiver that holds the last packet that arrived: exact
+        in the mean.
+
+    Returns
+    -------
+    HopGrowth
+        Supremum over frequency of the spectral radius of the hop lifted over one V2V period, by a
+        search over frequency (numerical); infinite when the vehicle's own loop is unstable.
+
+    Raises
+    ------
+    DesignError
+        If a value is out of its range.
+
+    Examples
+    --------
+    >>> from cacc_platoon.model.control import Gains
+    >>> found = multirate_growth(Gains(0.95, 0.5, 0.63, 0.009), 0.5, 0.6, 0.01, interval=20)
+    >>> round(found.growth, 6), round(found.omega, 2)
+    (1.002996, 0.39)
+    """
+    require_positive("tau", tau, "s")
+    packets = PacketTimes.of(period, interval, latency, held)
+    return _growth(packets, gains, (np.array([[tau]]), np.array([[k_effective]])))
+
+
+def mean_phase_growth(
+    gains: Gains,
+    tau: float,
+    k_effective: float,
+    period: float,
+    interval: int,
+    *,
+    latency: float = 0.0,
+    held: float = 1.0,
+) -> HopGrowth:
+    """`multirate_growth` in the mean over phases, when each vehicle sends at its own.
+
+    Phases are independent and evenly distributed over the V2V period; the mean hop mixes no
+    frequencies then. One platoon with phases that stay differs from it.
+
+    Examples
+    --------
+    >>> from cacc_platoon.model.control import Gains
+    >>> found = mean_phase_growth(Gains(0.95, 0.5, 0.63, 0.009), 0.5, 0.6, 0.01, interval=20)
+    >>> round(found.growth, 6)
+    1.002463
+    """
+    require_positive("tau", tau, "s")
+    packets = PacketTimes.of(period, interval, latency, held)
+    growth, angle, _ = _peak(
+        lambda angle, tau, k: mean_phase_size(packets.hop(gains, tau, k, angle)),
+        packets.angles(gains, _ANGLES),
+        (np.array([[tau]]), np.array([[k_effective]])),
+    )
+    if not growth > 1.0 + TOLERANCE:
+        return HopGrowth(1.0, 0.0, tau, k_effective)
+    return HopGrowth(growth, angle / (period * interval), tau, k_effective)
+
+
+def worst_multirate_growth(
+    gains: Gains,
+    rho: float,
+    tau_max: float,
+    period: float,
+    interval: int,
+    *,
+    latency: float = 0.0,
+    held: float = 1.0,
+    reception: float = 1.0,
+    k_effective: float | None = None,
+) -> HopGrowth:
+    """`multirate_growth`, largest over both ends of I and 5 lags up to `tau_max`.
+
+    Parameters
+    ----------
+    rho, tau_max, reception, k_effective
+        As in `is_sampled_string_stable`.
+    gains, period, interval, latency, held
+        As in `multirate_growth`.
+
+    Examples
+    --------
+    >>> from cacc_platoon.model.control import Gains
+    >>> A = Gains(0.95, 0.5, 0.63, 0.009)
+    >>> [worst_multirate_growth(A, 5.0, 0.5, 0.01, n).growth > 1 for n in (15, 16)]
+    [False, True]
+    """
+    packets = PacketTimes.of(period, interval, latency, held)
+    return _growth(packets, gains, _pairs(gains, rho, tau_max, reception, k_effective))
+
+
+def _pairs(
+    gains: Gains, rho: float, tau_max: float, reception: float, k_effective: float | None
+) -> tuple[Float, Float]:
+    ends = effective_gains(gains.k_a, rho, reception=reception, k_effective=k_effective)
+    lags = lags_to_try(tau_max, k_effective)
+    lag, k = np.meshgrid(lags[:: -max(len(lags) // 4, 1)][::-1], ends)
+    return lag.reshape(-1, 1), k.reshape(-1, 1)
+
+
+def critical_v2v_period(
+    gains: Gains,
+    rho: float,
+    tau_max: float,
+    period: float,
+    *,
+    latency: float = 0.0,
+    held: float = 1.0,
+    reception: float = 1.0,
+    k_effective: float | None = None,
+) -> float:
+    """Longest V2V period [s], a multiple of the control period, at which nothing grows.
+
+    Parameters
+    ----------
+    gains, rho, tau_max, period, latency, held, reception, k_effective
+        As in `worst_multirate_growth`.
+
+    Returns
+    -------
+    float
+        Where growth begins next to the period at which the hop in the mean over phases is lost,
+        by bisection; 0 when errors grow although a packet comes every control period, infinite
+        when nothing is communicated or nothing grows at up to 256 periods.
+
+    Raises
+    ------
+    DesignError
+        If a value is out of its range.
+
+    Examples
+    --------
+    >>> from cacc_platoon.model.control import Gains
+    >>> critical_v2v_period(Gains(0.95, 0.5, 0.63, 0.009), 5.0, 0.5, 0.01)
+    0.15
+    """
+    packets = PacketTimes.of(period, 1, latency, held)
+    pairs = _pairs(gains, rho, tau_max, reception, k_effective)
+    slowest = pairs[0][:, 0] == np.max(pairs[0])
+
+    def grows(interval: int, rows: slice | NDArray[np.bool_] = slice(None)) -> bool:
+        now = packets._replace(interval=interval)
+        found, _, _ = _peak(
+            lambda turn, tau, k: repeated_motion_radius(now, gains, tau, k, turn),
+            _TURNS,
+            (pairs[0][rows], pairs[1][rows]),
+        )
+        return found > 1.0 + TOLERANCE
+
+    if not _own_loops_stable(gains, pairs, period) or grows(1):
+        return 0.0
+    low, high = 1, 2
+    while high <= MOST_INTERVAL and not grows(high, slowest):
+        low, high = high, 2 * high
+    if high > MOST_INTERVAL and not grows(MOST_INTERVAL, slowest):
+        low = high = MOST_INTERVAL
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if grows(middle, slowest) else (middle, high)
+    while low > 1 and grows(low):
+        low -= 1
+    if low == MOST_INTERVAL:
+        return math.inf
+    return round(low * period, 12)
