@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cacc_platoon.figures.style import BLUE, GREY, INK, ORANGE, Axes
+from cacc_platoon.figures.style import BLUE, FAINT, GREY, INK, ORANGE, Axes
 
 _SPAN, _LONG, _TALL = 1.0, 0.46, 0.2
 """Distance between vehicles, their length and height, in units of the drawing."""
@@ -45,7 +45,7 @@ def _vehicle(axes: Axes, x: float, index: int) -> None:
     outline = [(-half, 0.0), (-half, 0.6), (-0.55 * half, 1.0), (0.35 * half, 1.0)]
     outline += [(0.7 * half, 0.6), (half, 0.5), (half, 0.0)]
     sides = zip(*[(x + dx, _TALL * up) for dx, up in outline], strict=True)
-    axes.fill(*sides, facecolor="#eceff2", edgecolor=INK, linewidth=0.9)
+    axes.fill(*sides, facecolor=FAINT, edgecolor=INK, linewidth=0.9)
     for wheel in (-0.55 * half, 0.55 * half):
         axes.plot([x + wheel], [-0.03], "o", color=INK, markersize=4.5)
     axes.text(x, 0.45 * _TALL, str(index), ha="center", va="center", fontsize=9, color=INK)

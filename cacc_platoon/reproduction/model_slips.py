@@ -117,7 +117,7 @@ def leader_lag(report: Report) -> Slip:
         "a_0(t) is a 'perturbation on its acceleration', U(t) the 'acceleration input'",
         "taken here as the leader's actual acceleration; as the input of a leader with lag tau_0 "
         "it would give other errors, by little",
-        f"case A, mean system: max|delta_1| {peaks[0]:.6f} m or {peaks[1]:.6f} m",
+        f"case A, mean system: max|delta_1| {peaks[0]:.4f} m or {peaks[1]:.4f} m",
         0.0 < abs(peaks[1] - peaks[0]) < 0.01 * peaks[0],
     )
 

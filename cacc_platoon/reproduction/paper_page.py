@@ -97,7 +97,10 @@ def _claim_rows(claims: Sequence[Claim]) -> list[str]:
 
 def _row(mark: str, cells: Sequence[str]) -> list[str]:
     """Return a row of a terminal's table, its cells folded to their columns."""
-    folded = [textwrap.wrap(cell, width) for cell, width in zip(cells, _COLUMNS, strict=True)]
+    folded = [
+        textwrap.wrap(cell, width, break_on_hyphens=False)
+        for cell, width in zip(cells, _COLUMNS, strict=True)
+    ]
     lines = []
     for number, parts in enumerate(zip_longest(*folded, fillvalue="")):
         padded = (part.ljust(width + 2) for part, width in zip(parts, _COLUMNS, strict=True))

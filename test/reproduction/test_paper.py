@@ -48,6 +48,40 @@ def test_claims_can_fail(reports):
     assert "\n! " in summary(result)
 
 
+def test_the_journal_version_and_the_slips_count_too(reports):
+    """What disagrees or is not shown is in headline and exit code; a question is in neither."""
+    result = reproduce(reports)
+    assert result.complete
+    assert result.journal_line == (
+        "5 of 5 figures of the journal version agree as read; "
+        "1 cannot be compared and is a question"
+    )
+    far = [result.journal[0]._replace(agrees=False), *result.journal[1:]]
+    other = dataclasses.replace(result, journal=far)
+    assert not other.agrees
+    assert other.headline.endswith("agree, 1 of its journal version do not")
+    assert other.journal_line.startswith("4 of 5")
+    unseen = [result.slips[0]._replace(shown=False), *result.slips[1:]]
+    other = dataclasses.replace(result, slips=unseen)
+    assert other.agrees
+    assert not other.complete
+    assert other.headline.endswith(f"1 of {len(unseen)} slips are not shown")
+    assert "\n! Definition 2" in summary(other)
+
+
+def test_tables_fit_into_a_terminal(reports):
+    """No line is wider than the columns; every word of every cell is there."""
+    result = reproduce(reports)
+    text = summary(result)
+    assert max(map(len, text.splitlines())) <= 140
+    assert "\n? max|delta_1| and max|delta_12|" in text
+    assert "\n! " not in text
+    words = set(text.split())
+    cells = [cell for claim in [*result.claims, *result.journal] for cell in claim[1:4]]
+    cells += [cell for slip in result.slips for cell in slip[1:4]]
+    assert {word for cell in cells for word in cell.split()} <= words
+
+
 def test_published_numbers(reports):
     """docs/theory.md, section 1 (Setting), the line of 100 Hz."""
     peaks = {name: r.expected.max_abs_spacing_error for name, r in reports.items()}
@@ -66,6 +100,7 @@ def test_page_and_figures(reports, tmp_path):
     page = write_reproduction(reproduce(reports), tmp_path).read_text(encoding="utf-8")
     drawn = {path.stem for path in (tmp_path / "figures").glob("*.svg")}
     assert drawn >= {
+        "topology",
         "noise_cone",
         "noise_received",
         "headway_slope",
@@ -84,7 +119,13 @@ def test_page_and_figures(reports, tmp_path):
     assert document["agrees"] is True
     for claim in document["claims"]:
         assert claim["what"].replace("|", "|") in page.replace("&#x27;", "'")
-    for fact in ("paper says", "we measured", "1.001163718", "0.872677996"):
+    assert document["journal"]["doi"] in page
+    assert len(document["journal"]["claims"]) == 6
+    assert len(document["slips"]) == page.count('<td class="text">yes</td>') - sum(
+        claim["agrees"] is True for claim in document["claims"] + document["journal"]["claims"]
+    )
+    assert page.count('<td class="text">question</td>') == 1
+    for fact in ("paper says", "we measured", "1.001163718", "0.872677996", "0.656130590"):
         assert fact in page
 
 

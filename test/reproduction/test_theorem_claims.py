@@ -7,9 +7,16 @@ import pytest
 from scipy.linalg import expm
 from scipy.optimize import minimize_scalar
 
+from cacc_platoon.model import Gains
 from cacc_platoon.reproduction import mean_claims as mean_module
 from cacc_platoon.reproduction import theorem_claims as module
-from cacc_platoon.theory import Optimum
+from cacc_platoon.theory import (
+    Optimum,
+    headway_bound,
+    headway_slope_roots,
+    minimum_headway,
+)
+from cacc_platoon.theory.mean_equation import platoon_matrix
 from cacc_platoon.theory.theorem2 import GammaRange
 
 MEAN = 1.048173687744
@@ -80,25 +87,29 @@ def test_internal_stability_is_that_of_the_roots():
     assert text.startswith(f"{(1 + 5**-0.5) ** 2 / 1.2:.6f}")
 
 
-BOUND, OPTIMUM, MINIMUM, ROOTS = (
-    module.headway_bound,
-    module.optimum,
-    module.minimum_headway,
-    module.headway_slope_roots,
-)
 WRONG = [
-    (module, "minimum_headway", lambda *a: 0.98 * MINIMUM(*a), "known (case A)"),
-    (module, "minimum_headway", lambda *a: 1.02 * MINIMUM(*a), "known (case A)"),
-    (module, "minimum_headway", lambda *a: 1.02 * MINIMUM(*a), "largest 2 tau_0/(1 + k)"),
+    (module, "minimum_headway", lambda *a: 0.98 * minimum_headway(*a), "known (case A)"),
+    (module, "minimum_headway", lambda *a: 1.02 * minimum_headway(*a), "known (case A)"),
+    (module, "minimum_headway", lambda *a: 1.02 * minimum_headway(*a), "largest 2 tau_0/(1 + k)"),
     (module, "gamma_range", lambda *_: GammaRange(0.6386, 0.64), "at h_w = 0.95 s"),
     (module, "gamma_range", lambda *_: GammaRange(0.6, 0.6385), "at h_w = 0.95 s"),
-    (module, "headway_slope_roots", lambda rho: (0.3, ROOTS(rho)[1]), "smaller root"),
-    (module, "headway_slope_roots", lambda rho: (0.35, ROOTS(rho)[1]), "k_a in (0, r_1)"),
-    (module, "headway_slope_roots", lambda rho: (0.29, ROOTS(rho)[1]), "k_a in (r_1, 1/M)"),
-    (module, "headway_slope_roots", lambda rho: (ROOTS(rho)[0], 2.0), "larger root"),
+    (module, "headway_slope_roots", lambda rho: (0.3, headway_slope_roots(rho)[1]), "smaller root"),
+    (
+        module,
+        "headway_slope_roots",
+        lambda rho: (0.35, headway_slope_roots(rho)[1]),
+        "k_a in (0, r_1)",
+    ),
+    (
+        module,
+        "headway_slope_roots",
+        lambda rho: (0.29, headway_slope_roots(rho)[1]),
+        "k_a in (r_1, 1/M)",
+    ),
+    (module, "headway_slope_roots", lambda rho: (headway_slope_roots(rho)[0], 2.0), "larger root"),
     (module, "headway_slope", lambda k_a, _: k_a - 1.5, "beyond r_2"),
     (module, "headway_bound", lambda k_a, *_: 1.0 / (1 + k_a * k_a), "without noise"),
-    (module, "headway_bound", lambda k_a, _, tau: BOUND(k_a, 1e9, tau), "as rho falls"),
+    (module, "headway_bound", lambda k_a, _, tau: headway_bound(k_a, 1e9, tau), "as rho falls"),
     (module, "k_a_max", lambda rho: min(rho / (1.0 + rho), 0.9), "largest k_a with noise"),
     (module, "optimum", lambda rho, _: Optimum(0.3, 0.9 - 1 / rho), "as rho grows"),
     (module, "optimum", lambda rho, tau: Optimum(0.3, 0.9 * tau), "internal stability"),
@@ -117,23 +128,22 @@ def test_each_can_fail(monkeypatch, where, name, wrong, words):
 
 
 def test_a_matrix_that_is_not_linear_in_w_is_seen(monkeypatch):
-    right = mean_module.platoon_matrix
     monkeypatch.setattr(
-        mean_module, "platoon_matrix", lambda *a: right(a[0], a[1], np.square(a[2]))
+        mean_module, "platoon_matrix", lambda *a: platoon_matrix(a[0], a[1], np.square(a[2]))
     )
     assert claim("E[A] = A(E[w])").agrees is False
 
 
 def test_difference_of_exponentials_is_that_of_scipy():
     """With one factor for all links, where the difference is not rounding."""
-    gains = mean_module.Gains(0.95, 0.5, 0.63, 0.009)
+    gains = Gains(0.95, 0.5, 0.63, 0.009)
     up = (MEAN - 0.8) / 0.4
     weights = np.array([1 - up, up])
     common = np.array([[0.8] * 3, [1.2] * 3])
     found = mean_module.exponential_gaps(gains, common, weights, MEAN)
 
     def exponential(w, t):
-        return expm(mean_module.platoon_matrix(gains, 0.5, w) * t)
+        return expm(platoon_matrix(gains, 0.5, w) * t)
 
     for t, gap in zip(mean_module.TIMES, found, strict=True):
         mean = sum(p * exponential(w, t) for p, w in zip(weights, common, strict=True))
