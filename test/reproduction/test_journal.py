@@ -82,6 +82,7 @@ def test_ratio_of_neighbouring_errors():
         for own, ahead in pairs
     )
     assert module.spacing_error_ratio(A, k) == pytest.approx(largest, rel=1e-9)
+    assert largest == pytest.approx(1.976, abs=5e-4)
 
 
 def test_equal_lags_do_not_show_it(monkeypatch, reports):
