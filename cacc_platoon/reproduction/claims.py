@@ -9,7 +9,7 @@ from cacc_platoon.analysis.metrics import describe_growth
 from cacc_platoon.model import Gains
 from cacc_platoon.reproduction.cases import CASES, RHO, TAU_0, Case
 from cacc_platoon.reproduction.claim import Claim, yes
-from cacc_platoon.reproduction.mean_claims import mean_claims
+from cacc_platoon.reproduction.mean_claims import ensemble_claims, mean_claims
 from cacc_platoon.reproduction.theorem_claims import theorem_claims
 from cacc_platoon.theory import l2_gain, paper_region, snr_db_from_rho
 
@@ -23,6 +23,7 @@ def claims(reports: Mapping[str, Report]) -> list[Claim]:
     return [
         *theorem_claims(CASES[0].k_a * mean),
         *mean_claims(mean),
+        *ensemble_claims(reports["A"]),
         *(claim for case in CASES for claim in _case_claims(case, reports[case.name])),
         *_length_claims(reports),
         *_channel_claims(reports["A"]),

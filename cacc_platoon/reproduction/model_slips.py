@@ -153,7 +153,7 @@ def redraw_period(report: Report) -> Slip:
         "Sec. III-A",
         "how often z_{i,j}(t) changes is not given",
         "the mean does not depend on it; how far single runs are from the mean does",
-        f"case A sampled at 10 ms: mean-square growth per hop {index[0]:.3e} when redrawn every "
+        f"case A sampled at 10 ms: mean-square index {index[0]:.3e} when w is redrawn every "
         f"10 ms, {index[1]:.3e} every 100 ms",
         index[1] > 2.0 * index[0] > 0.0,
     )
@@ -162,9 +162,10 @@ def redraw_period(report: Report) -> Slip:
 def single_run(report: Report) -> Slip:
     """Look for the trend from vehicle to vehicle in noisy runs: it is too small."""
     expected = report.expected.max_abs_spacing_error
-    peaks = report.measured.max_abs_spacing_error[np.newaxis]
-    if report.ensemble is not None:
-        peaks = np.vstack([peaks, report.ensemble.max_abs_spacing_error])
+    if report.ensemble is None:
+        peaks = report.measured.max_abs_spacing_error[np.newaxis]
+    else:
+        peaks = report.ensemble.max_abs_spacing_error
     monotone = int((np.diff(peaks, axis=1) <= 0).all(axis=1).sum())
     per_hop = 100.0 * (1.0 - (expected[-1] / expected[0]) ** (1.0 / (len(expected) - 1)))
     return Slip(

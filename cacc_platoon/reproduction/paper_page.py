@@ -28,8 +28,8 @@ PAGE_FILE, DATA_FILE, FIGURES = "paper.html", "paper.json", "figures"
 FORMAT = Format(DATA_FILE, 1)
 HEADS = ("agrees", "where", "quantity", "paper says", "we measured", "basis")
 JOURNAL_NOTE = (
-    f"A later version of the paper, doi {DOI}, shows two more cases. Its numbers are read from "
-    "curves: about right at best."
+    f"A later version of the paper, doi {DOI}, shows more cases. What it says is read from its "
+    "figures: about right at best."
 )
 _COLUMNS = (50, 36, 44)
 _AGREES = {True: "yes", False: "NO", None: "question"}

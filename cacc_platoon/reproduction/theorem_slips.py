@@ -73,7 +73,7 @@ def two_norms(mean: float) -> Slip:
         "Definition 2",
         "|delta_i|_inf <= |delta_{i-1}|_inf, or in the frequency domain sup|H| <= 1",
         "two conditions: sup|H| is the gain between energies (L2); between peaks it is the L1 norm "
-        "of the impulse response, which is larger",
+        "of the impulse response, never smaller and here larger",
         f"mean system at tau_0: L2 gain {energy[0]:.4f} (A), {energy[1]:.4f} (C); L-infinity gain "
         f"{peak[0]:.4f} (A), {peak[1]:.4f} (C)",
         max(energy) <= 1.0 < min(peak),
@@ -88,7 +88,7 @@ def strict() -> Slip:
     return Slip(
         "Theorems 1 (b), 2 (b), proof",
         "h_w >= in Theorem 1 (b), > in Theorem 2 (b), >= again in its proof and in Sec. IV",
-        ">= is right of one known k; of S only >, as nothing is left of it at equality",
+        ">= is right for one known k; for S only >, as nothing is left of it at equality",
         f"h_w = {bound:.4f} s: S nonempty: {yes(at)}, 0.1 % above: {yes(above)}; the exact region "
         f"is nonempty at equality: {yes(exact)}",
         not at and above and exact,
@@ -217,7 +217,7 @@ def depends_on_bits(mean: float) -> Slip:
     return Slip(
         "Sec. IV, h_w = 0.65 s",
         "case B 'exhibits string instability'",
-        "not robustly string stable; of one E[w] it depends on the bit probabilities",
+        "not robustly string stable; for one E[w] it depends on the bit probabilities",
         f"string stable for k_a E[w] from {low:.6f} to {high:.6f}, of which I reaches {reach:g}; "
         f"at {B.k_a * mean:.6f} sup|H| = {growing:.6f}",
         low < reach and growing > 1.0 and is_string_stable(B, TAU_0, 0.5 * (low + reach)),

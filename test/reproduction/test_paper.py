@@ -9,6 +9,7 @@ import pytest
 
 from cacc_platoon.cli import main
 from cacc_platoon.reproduction.cases import CASES, case_scenario
+from cacc_platoon.reproduction.mean_claims import ensemble_claims
 from cacc_platoon.reproduction.paper_page import summary, write_reproduction
 from cacc_platoon.reproduction.reproduce import reproduce
 from cacc_platoon.scenario.file import load_scenario
@@ -67,6 +68,17 @@ def test_the_journal_version_and_the_slips_count_too(reports):
     assert not other.complete
     assert other.headline.endswith(f"1 of {len(unseen)} slips are not shown")
     assert "\n! Definition 2" in summary(other)
+
+
+def test_mean_of_noisy_runs_is_compared_with_the_mean_system(reports):
+    """Two runs agree; a mean that is eight standard errors away does not."""
+    (claim,) = ensemble_claims(reports["A"])
+    assert claim.agrees is True
+    few = reports["A"].ensemble
+    many = dataclasses.replace(few, runs=400, mean=few.mean + 8 * few.standard_error)
+    (claim,) = ensemble_claims(dataclasses.replace(reports["A"], ensemble=many))
+    assert claim.agrees is False
+    assert not list(ensemble_claims(dataclasses.replace(reports["A"], ensemble=None)))
 
 
 def test_tables_fit_into_a_terminal(reports):
