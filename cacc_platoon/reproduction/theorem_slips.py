@@ -201,8 +201,9 @@ def independence(mean: float) -> Slip:
     return Slip(
         "Sec. III-B",
         "E[exp(A t)] = exp(E[A] t) because A is lower triangular and banded",
-        "it needs links that are independent of each other as well, then it holds whatever one "
-        "link does in time; 'converge to' the deterministic equation is true of the mean alone",
+        "it needs links that are independent of each other as well; then the mean equation holds "
+        "whatever each link does in time; 'converge to' the deterministic equation is true of the "
+        "mean alone",
         f"case A, 3 followers with one common w: they differ by {max(gaps):.1e} at "
         f"t = {TIMES[int(np.argmax(gaps))]:g} s, relative to the largest entry",
         max(gaps) > 1e-6,

@@ -7,8 +7,9 @@ once, where ``a_{i-1}`` enters ``a_i``. Whatever leads from vehicle j to vehicle
 
 .. math:: E[e^{A t}] = e^{E[A] t}
 
-exactly (docs/theory.md, section 1 (Setting)), also where every ``w_i`` changes in time in whatever
-way. With one factor common to all links it is false: products of it have another mean.
+exactly (docs/theory.md, section 1 (Setting)). So has the transition matrix where every ``w_i``
+changes in time, in whatever way, the mean that ``E[A]`` gives. With one factor common to all links
+it is false: products of it have another mean.
 """
 
 from __future__ import annotations
