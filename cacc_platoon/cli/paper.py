@@ -69,7 +69,7 @@ def run(options: argparse.Namespace) -> int:
         print(json.dumps(document(result), indent=1, allow_nan=False))
     else:
         print(f"{summary(result)}\n\n  page   {page}")
-    return DONE if result.agrees else FAILED
+    return DONE if result.complete else FAILED
 
 
 def _run_on_nodes(scenarios: Mapping[str, Scenario], paths: Mapping[str, Path]) -> int:

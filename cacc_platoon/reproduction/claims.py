@@ -2,96 +2,32 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from cacc_platoon.analysis.metrics import describe_growth
 from cacc_platoon.model import Gains
 from cacc_platoon.reproduction.cases import CASES, RHO, TAU_0, Case
-from cacc_platoon.theory import (
-    headway_bound,
-    headway_slope_roots,
-    k_a_max,
-    l2_gain,
-    optimum,
-    paper_region,
-    snr_db_from_rho,
-)
+from cacc_platoon.reproduction.claim import Claim, yes
+from cacc_platoon.reproduction.mean_claims import ensemble_claims, mean_claims
+from cacc_platoon.reproduction.theorem_claims import theorem_claims
+from cacc_platoon.theory import l2_gain, paper_region, snr_db_from_rho
 
 if TYPE_CHECKING:
     from cacc_platoon.analysis.analyse import Report
 
 
-class Claim(NamedTuple):
-    """One statement of the paper beside ours.
-
-    Attributes
-    ----------
-    where : str
-        Where the paper makes it.
-    what : str
-        The quantity, with its unit.
-    paper : str
-        As the paper has it.
-    measured : str
-        As computed or measured here.
-    agrees : bool
-        Whether both say the same, to the digits the paper gives.
-    basis : str
-        What our side rests on.
-    """
-
-    where: str
-    what: str
-    paper: str
-    measured: str
-    agrees: bool
-    basis: str
-
-
 def claims(reports: Mapping[str, Report]) -> list[Claim]:
     """Return the paper's statements that can be checked, with the reports of its cases by name."""
+    mean = reports["A"].measured.noise[0].expected_mean
     return [
-        *_theorem_claims(),
+        *theorem_claims(CASES[0].k_a * mean),
+        *mean_claims(mean),
+        *ensemble_claims(reports["A"]),
         *(claim for case in CASES for claim in _case_claims(case, reports[case.name])),
         *_length_claims(reports),
         *_channel_claims(reports["A"]),
     ]
-
-
-def _number(where: str, what: str, paper: float, measured: float, basis: str) -> Claim:
-    """Compare with a number of the paper, to the four decimals it gives."""
-    agrees = abs(paper - measured) < 0.5e-4 * 1.0000001
-    return Claim(where, what, f"{paper:.4f}", f"{measured:.9f}", agrees, basis)
-
-
-def _theorem_claims() -> Iterator[Claim]:
-    best = optimum(RHO, TAU_0)
-    yield _number("Sec. IV", "largest k_a [-]", 0.8333, k_a_max(RHO), "equation (16), largest k_a")
-    bound = headway_bound(0.5, RHO, TAU_0)
-    yield _number("Sec. IV", "headway bound at k_a = 0.5 [s]", 0.9375, bound, "Theorem 2 (b)")
-    yield _number("Sec. IV", "k_a* [-]", 0.3183, best.k_a, "Theorem 2 (c)")
-    yield _number("Sec. IV", "h* [s]", 0.8727, best.time_headway, "Theorem 2 (c)")
-    root, cap = headway_slope_roots(RHO)[0], k_a_max(RHO)
-    yield Claim(
-        "Fig. f(k_a)",
-        "smaller root r_1 of f [-]",
-        "below the cap, the minimum of the bound",
-        f"{root:.9f} < {cap:.9f}",
-        root < cap and math.isclose(root, best.k_a, rel_tol=1e-12),
-        "roots of f in closed form",
-    )
-    nearly = 1e9
-    limit = headway_bound(0.5, nearly, TAU_0)
-    yield Claim(
-        "Remark 2",
-        "headway bound without noise, k_a = 0.5 [s]",
-        "2 tau_0/(1 + k_a), as in earlier work; 0.666667 follows",
-        f"{limit:.9f}",
-        math.isclose(limit, 2 * TAU_0 / 1.5, rel_tol=1e-6),
-        f"Theorem 2 (b) at rho = {nearly:g}",
-    )
 
 
 def _case_claims(case: Case, report: Report) -> Iterator[Claim]:
@@ -105,7 +41,7 @@ def _case_claims(case: Case, report: Report) -> Iterator[Claim]:
             where,
             f"case {case.name}: (k_p, k_v) = ({case.k_p:g}, {case.k_v:g}) in S",
             "chosen from S",
-            f"in S = {_yes(verdict.in_paper_region)}, area of S {region.area:.6g} 1/s^3",
+            f"in S = {yes(verdict.in_paper_region)}, area of S {region.area:.6g} 1/s^3",
             verdict.in_paper_region,
             "Theorem 2 (b), both inequalities",
         )
@@ -178,7 +114,3 @@ def _channel_claims(report: Report) -> Iterator[Claim]:
         snr >= asked - 1e-9,
         "smallest of recorded run A; a finite run stays above its bound",
     )
-
-
-def _yes(holds: bool) -> str:
-    return "yes" if holds else "no"

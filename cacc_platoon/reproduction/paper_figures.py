@@ -11,8 +11,9 @@ from cacc_platoon.figures.gain_region import plot_regions
 from cacc_platoon.figures.headway_bounds import plot_slope
 from cacc_platoon.figures.picture import Picture
 from cacc_platoon.figures.style import Axes
+from cacc_platoon.figures.topology import plot_topology
 from cacc_platoon.model import Gains
-from cacc_platoon.reproduction.cases import CASES, RHO, TAU_0, Case
+from cacc_platoon.reproduction.cases import CASES, FOLLOWERS, RHO, TAU_0, Case
 from cacc_platoon.simulation import Trajectory
 from cacc_platoon.theory import exact_region, paper_region
 from cacc_platoon.theory.headway_curves import slope_curve
@@ -26,6 +27,14 @@ def paper_pictures(reports: Mapping[str, Report]) -> Iterator[Picture]:
     """Yield the figures in the order of the paper, then those beyond it."""
     a, b, c = CASES
     run_a = reports["A"].run.trajectory
+    yield Picture(
+        "topology",
+        "Fig. 1: platoon with V2V communication",
+        "Every vehicle measures distance and velocity of the one ahead, and hears its acceleration "
+        "over a link with noise of its own.",
+        lambda axes: plot_topology(axes, FOLLOWERS),
+        height=2.1,
+    )
     yield Picture(
         "noise_cone",
         "Fig. 2: admissible noise in the communicated acceleration",

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import html
 import json
+import textwrap
+from collections.abc import Sequence
+from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,22 +15,25 @@ from cacc_platoon.formats import Format
 from cacc_platoon.report.html_page import draw_figures, html_page
 from cacc_platoon.report.metrics_json import metrics_document, plain_values
 from cacc_platoon.report.tables import text_table
+from cacc_platoon.reproduction.journal import DOI
 from cacc_platoon.reproduction.paper_figures import paper_pictures
 
 if TYPE_CHECKING:
     from cacc_platoon.bags.raw import Progress
-    from cacc_platoon.reproduction.claims import Claim
+    from cacc_platoon.reproduction.claim import Claim
     from cacc_platoon.reproduction.reproduce import Reproduction
+    from cacc_platoon.reproduction.slip import Slip
 
 PAGE_FILE, DATA_FILE, FIGURES = "paper.html", "paper.json", "figures"
 FORMAT = Format(DATA_FILE, 1)
-SLIPS = (
-    "S is nonempty exactly when a_1 > a_2; the text's 'or b_1 >= b_2' is not enough.",
-    "S is sufficient, not necessary: the exact region is wider, and unbounded in k_p.",
-    "Definition 2 takes the maximum norm and the H-infinity norm for the same. They are not: the "
-    "L-infinity gain of one hop is above 1 in the stable cases too, and both are reported by name.",
-    "The largest w of n bits is 1 + 1/rho - 2^(1-n)/rho, a little below 1 + 1/rho.",
+HEADS = ("agrees", "where", "quantity", "paper says", "we measured", "basis")
+JOURNAL_NOTE = (
+    f"A later version of the paper, doi {DOI}, shows more cases. What it says is read from its "
+    "figures: about right at best."
 )
+_COLUMNS = (50, 36, 44)
+_AGREES = {True: "yes", False: "NO", None: "question"}
+_MARKS = {True: "  ", False: "! ", None: "? "}
 
 
 def document(result: Reproduction) -> dict[str, Any]:
@@ -37,6 +43,8 @@ def document(result: Reproduction) -> dict[str, Any]:
             "format": FORMAT.version,
             "agrees": result.agrees,
             "claims": [_claim(claim) for claim in result.claims],
+            "journal": {"doi": DOI, "claims": [_claim(claim) for claim in result.journal]},
+            "slips": [_slip(slip) for slip in result.slips],
             "cases": {name: metrics_document(report) for name, report in result.reports.items()},
         }
     )
@@ -54,20 +62,50 @@ def _claim(claim: Claim) -> dict[str, Any]:
     }
 
 
+def _slip(slip: Slip) -> dict[str, Any]:
+    return {
+        "where": slip.where,
+        "paper": slip.paper,
+        "holds": slip.holds,
+        "check": slip.check,
+        "shown": slip.shown,
+    }
+
+
 def summary(result: Reproduction) -> str:
-    """Return the table "paper says / we measured" for a terminal."""
-    rows = [("", "", "paper says", "we measured")]
-    rows += [
-        ("  " if claim.agrees else "! ", claim.what, claim.paper, claim.measured)
-        for claim in result.claims
-    ]
-    widths = [max(len(row[column]) for row in rows) for column in range(4)]
-    lines = [
-        "".join(text.ljust(width + 2) for text, width in zip(row, widths, strict=True)).rstrip()
-        for row in rows
-    ]
+    """Return the tables of the page for a terminal."""
     data = [f"data of case {name}: {one.line}" for name, one in result.unsound.items()]
-    return "\n".join([result.headline, *data, "", *lines])
+    lines = [result.headline, result.journal_line, *data, ""]
+    lines += _row("", ("", "paper says", "we measured"))
+    lines += _claim_rows(result.claims)
+    lines += ["", *_row("", (f"journal version, doi {DOI}", "paper says", "we measured"))]
+    lines += _claim_rows(result.journal)
+    lines += ["", *_row("", ("where the paper slips", "what holds", "shown by"))]
+    for slip in result.slips:
+        what = f"{slip.where}: {slip.paper}"
+        lines += _row(_MARKS[slip.shown], (what, slip.holds, slip.check))
+    return "\n".join(lines)
+
+
+def _claim_rows(claims: Sequence[Claim]) -> list[str]:
+    return [
+        line
+        for claim in claims
+        for line in _row(_MARKS[claim.agrees], (claim.what, claim.paper, claim.measured))
+    ]
+
+
+def _row(mark: str, cells: Sequence[str]) -> list[str]:
+    """Return a row of a terminal's table, its cells folded to their columns."""
+    folded = [
+        textwrap.wrap(cell, width, break_on_hyphens=False)
+        for cell, width in zip(cells, _COLUMNS, strict=True)
+    ]
+    lines = []
+    for number, parts in enumerate(zip_longest(*folded, fillvalue="")):
+        padded = (part.ljust(width + 2) for part, width in zip(parts, _COLUMNS, strict=True))
+        lines.append(((mark if number == 0 else "").ljust(2) + "".join(padded)).rstrip())
+    return lines
 
 
 def write_reproduction(
@@ -96,19 +134,12 @@ def write_reproduction(
 
 
 def _page(result: Reproduction, figures: str) -> str:
-    kind, sign = ("good", "&#10003;") if result.agrees else ("bad", "&#10007;")
-    rows = [
-        (
-            "yes" if claim.agrees else "NO",
-            claim.where,
-            claim.what,
-            claim.paper,
-            claim.measured,
-            claim.basis,
-        )
-        for claim in result.claims
+    kind, sign = ("good", "&#10003;") if result.complete else ("bad", "&#10007;")
+    slips = [
+        ("yes" if slip.shown else "NO", slip.where, slip.paper, slip.holds, slip.check)
+        for slip in result.slips
     ]
-    heads = ("agrees", "where", "quantity", "paper says", "we measured", "basis")
+    slip_heads = ("shown", "where", "paper says, or leaves open", "what holds", "shown by")
     runs = [
         (
             name,
@@ -119,13 +150,22 @@ def _page(result: Reproduction, figures: str) -> str:
         )
         for name, report in result.reports.items()
     ]
-    slips = "".join(f"<li>{html.escape(line)}</li>" for line in SLIPS)
     return html_page(
         result.headline,
-        f'<header class="verdict {kind}"><h1>{sign} {html.escape(result.headline)}</h1></header>'
-        f"<h2>Paper says, we measured</h2>{text_table(heads, rows)}"
+        f'<header class="verdict {kind}"><h1>{sign} {html.escape(result.headline)}</h1>'
+        f"<p>{html.escape(result.journal_line)}.</p></header>"
+        f"<h2>Paper says, we measured</h2>{text_table(HEADS, _claim_cells(result.claims))}"
+        f"<h2>Journal version</h2><p>{html.escape(JOURNAL_NOTE)}</p>"
+        f"{text_table(HEADS, _claim_cells(result.journal))}"
+        f"<h2>Where the paper slips</h2>{text_table(slip_heads, slips)}"
         f'<h2>Figures</h2><div class="grid">{figures}</div>'
-        f"<h2>Where the paper slips</h2><ul>{slips}</ul>"
         f"<h2>Runs</h2>{text_table(('case', 'status', 'data', 'messages', 'digest'), runs)}",
         document(result),
     )
+
+
+def _claim_cells(claims: Sequence[Claim]) -> list[tuple[str, ...]]:
+    return [
+        (_AGREES[one.agrees], one.where, one.what, one.paper, one.measured, one.basis)
+        for one in claims
+    ]

@@ -17,8 +17,10 @@ if TYPE_CHECKING:
     from cacc_platoon.model.control import Gains
 
 __all__ = [
+    "GammaRange",
     "Optimum",
     "PaperRegion",
+    "gamma_range",
     "headway_bound",
     "headway_slope",
     "headway_slope_roots",
@@ -43,6 +45,20 @@ class Optimum(NamedTuple):
 
     k_a: float
     time_headway: float
+
+
+class GammaRange(NamedTuple):
+    """What the paper's proof admits for ``gamma = k_v + h_w k_p`` [1/s].
+
+    Attributes
+    ----------
+    low, high : float
+        ``sqrt(2 k_p (1 - m k_a) + k_v^2)`` and ``(1 - M^2 k_a^2)/(2 tau_0)``; low > high where
+        nothing is admitted.
+    """
+
+    low: float
+    high: float
 
 
 class PaperRegion(NamedTuple):
@@ -153,6 +169,43 @@ def headway_slope_roots(rho: float) -> tuple[float, float]:
     m, M = effective_interval(1.0, rho)
     root = math.sqrt((M - m) * (M + m))
     return m / (M * (M + root)), (M + root) / (M * m)
+
+
+def gamma_range(k_a: float, k_v: float, k_p: float, rho: float, tau_max: float) -> GammaRange:
+    """Range of ``gamma`` for which ``B >= 0`` and ``C >= 0`` at every lag and ``k`` in I.
+
+    Parameters
+    ----------
+    k_a, k_v, k_p : float
+        Gains [-], [1/s], [1/s^2].
+    rho : float
+        Linear signal-to-noise ratio, > 1.
+    tau_max : float
+        Largest actuation lag [s].
+
+    Returns
+    -------
+    GammaRange
+        Of the proof of Theorem 2; S is the ``(k_p, k_v)`` whose gamma lies within it.
+
+    Raises
+    ------
+    DesignError
+        If a value is out of its range.
+
+    Examples
+    --------
+    >>> low, high = gamma_range(0.5, 0.63, 0.009, rho=5.0, tau_max=0.5)
+    >>> round(low, 6), round(high, 6)
+    (0.638514, 0.64)
+    """
+    require_positive("tau_max", tau_max, "s")
+    require_positive("k_p", k_p, "1/s^2")
+    low, high = checked_interval(k_a, rho)
+    return GammaRange(
+        math.sqrt(2.0 * k_p * (1.0 - low) + k_v * k_v),
+        (1.0 - high) * (1.0 + high) / (2.0 * tau_max),
+    )
 
 
 def paper_region(

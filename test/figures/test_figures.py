@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from cacc_platoon.analysis import compute_metrics
 from cacc_platoon.figures import channel, motion, propagation, style
 from cacc_platoon.figures.picture import Picture
+from cacc_platoon.figures.topology import plot_topology
 from cacc_platoon.simulation import monte_carlo, simulate
 
 
@@ -116,3 +117,19 @@ def test_colours_differ_in_lightness():
     colours = np.array(style.vehicle_colours(12))[:, :3]
     lightness = colours @ [0.2126, 0.7152, 0.0722]
     assert (np.diff(lightness) > 0).all()
+
+
+@pytest.mark.parametrize(("followers", "links"), [(1, [1]), (4, [1, 2, 3, 4]), (12, [1, 2, 12])])
+def test_topology_shows_who_hears_whom(axes, followers, links):
+    """Every link that is drawn goes from i - 1 to i, and back to where that one is."""
+    plot_topology(axes, followers)
+    words = [text.get_text() for text in axes.texts]
+    heard = [f"$w_{{{i},{i - 1}}}\\,a_{{{i - 1}}}$" for i in links]
+    assert [word for word in words if word.startswith("$w")] == heard
+    assert [word for word in words if word.isdigit()] == [str(i) for i in (0, *links)]
+    assert ("..." in words) == (followers > 4)
+    arrows = [text for text in axes.texts if getattr(text, "arrow_patch", None) is not None]
+    assert len(arrows) == 2 * len(links) + 1
+    radio, sensor = arrows[:2]
+    assert radio.xy[0] < radio.get_position()[0]
+    assert sensor.xy[0] > sensor.get_position()[0]

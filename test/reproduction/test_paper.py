@@ -7,41 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cacc_platoon.analysis import Report, check_consistency, compute_metrics, judge
 from cacc_platoon.cli import main
 from cacc_platoon.reproduction.cases import CASES, case_scenario
+from cacc_platoon.reproduction.mean_claims import ensemble_claims
 from cacc_platoon.reproduction.paper_page import summary, write_reproduction
 from cacc_platoon.reproduction.reproduce import reproduce
-from cacc_platoon.runs.recorded_run import RecordedRun
-from cacc_platoon.runs.sample_grid import Grid
 from cacc_platoon.scenario.file import load_scenario
-from cacc_platoon.simulation import monte_carlo, simulate
 
 CONFIG = Path(__file__).parents[2] / "config"
-
-
-def report_of(case, **settings):
-    """The report of a case without the detour by a bag."""
-    scenario = case_scenario(case, settings)
-    trajectory, expectation = simulate(scenario), simulate(scenario, "expected")
-    measured, consistency = compute_metrics(trajectory), check_consistency(trajectory)
-    grid = Grid(0, scenario.step_ns, scenario.samples, exact=True)
-    run = RecordedRun(Path("bag"), trajectory, scenario, grid, (), "0" * 64, "", 0, None)
-    return Report(
-        Path("nowhere"),
-        run,
-        measured,
-        expectation,
-        compute_metrics(expectation),
-        consistency,
-        judge(scenario, measured.noise, consistency),
-        monte_carlo(scenario, 2),
-    )
-
-
-@pytest.fixture(scope="module")
-def reports():
-    return {case.name: report_of(case) for case in CASES}
 
 
 def test_every_statement_agrees(reports):
@@ -76,6 +49,51 @@ def test_claims_can_fail(reports):
     assert "\n! " in summary(result)
 
 
+def test_the_journal_version_and_the_slips_count_too(reports):
+    """What disagrees or is not shown is in headline and exit code; a question is in neither."""
+    result = reproduce(reports)
+    assert result.complete
+    assert result.journal_line == (
+        "5 of 5 figures of the journal version agree as read; "
+        "1 cannot be compared and is a question"
+    )
+    far = [result.journal[0]._replace(agrees=False), *result.journal[1:]]
+    other = dataclasses.replace(result, journal=far)
+    assert not other.agrees
+    assert other.headline.endswith("agree, 1 of its journal version do not")
+    assert other.journal_line.startswith("4 of 5")
+    unseen = [result.slips[0]._replace(shown=False), *result.slips[1:]]
+    other = dataclasses.replace(result, slips=unseen)
+    assert other.agrees
+    assert not other.complete
+    assert other.headline.endswith(f"1 of {len(unseen)} slips are not shown")
+    assert "\n! Definition 2" in summary(other)
+
+
+def test_mean_of_noisy_runs_is_compared_with_the_mean_system(reports):
+    """Two runs agree; a mean that is eight standard errors away does not."""
+    (claim,) = ensemble_claims(reports["A"])
+    assert claim.agrees is True
+    few = reports["A"].ensemble
+    many = dataclasses.replace(few, runs=400, mean=few.mean + 8 * few.standard_error)
+    (claim,) = ensemble_claims(dataclasses.replace(reports["A"], ensemble=many))
+    assert claim.agrees is False
+    assert not list(ensemble_claims(dataclasses.replace(reports["A"], ensemble=None)))
+
+
+def test_tables_fit_into_a_terminal(reports):
+    """No line is wider than the columns; every word of every cell is there."""
+    result = reproduce(reports)
+    text = summary(result)
+    assert max(map(len, text.splitlines())) <= 140
+    assert "\n? max|delta_1| and max|delta_12|" in text
+    assert "\n! " not in text
+    words = set(text.split())
+    cells = [cell for claim in [*result.claims, *result.journal] for cell in claim[1:4]]
+    cells += [cell for slip in result.slips for cell in slip[1:4]]
+    assert {word for cell in cells for word in cell.split()} <= words
+
+
 def test_published_numbers(reports):
     """docs/theory.md, section 1 (Setting), the line of 100 Hz."""
     peaks = {name: r.expected.max_abs_spacing_error for name, r in reports.items()}
@@ -94,6 +112,7 @@ def test_page_and_figures(reports, tmp_path):
     page = write_reproduction(reproduce(reports), tmp_path).read_text(encoding="utf-8")
     drawn = {path.stem for path in (tmp_path / "figures").glob("*.svg")}
     assert drawn >= {
+        "topology",
         "noise_cone",
         "noise_received",
         "headway_slope",
@@ -112,7 +131,13 @@ def test_page_and_figures(reports, tmp_path):
     assert document["agrees"] is True
     for claim in document["claims"]:
         assert claim["what"].replace("|", "|") in page.replace("&#x27;", "'")
-    for fact in ("paper says", "we measured", "1.001163718", "0.872677996"):
+    assert document["journal"]["doi"] in page
+    assert len(document["journal"]["claims"]) == 6
+    assert len(document["slips"]) == page.count('<td class="text">yes</td>') - sum(
+        claim["agrees"] is True for claim in document["claims"] + document["journal"]["claims"]
+    )
+    assert page.count('<td class="text">question</td>') == 1
+    for fact in ("paper says", "we measured", "1.001163718", "0.872677996", "0.656130590"):
         assert fact in page
 
 

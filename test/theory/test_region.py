@@ -25,7 +25,9 @@ from cacc_platoon.theory import (
     robust_string_stability_map,
     stable_gain_range,
 )
+from cacc_platoon.theory.exact import propagation_margins
 from cacc_platoon.theory.response_band import response_band
+from cacc_platoon.theory.theorem2 import gamma_range
 
 A = Gains(0.95, 0.5, 0.63, 0.009)
 
@@ -80,6 +82,28 @@ def test_the_papers_region_lies_inside(question, seed):
     x, y = corners.T
     shoelace = 0.5 * abs(np.dot(x, np.roll(y, 1)) - np.dot(y, np.roll(x, 1)))
     assert region.area == pytest.approx(shoelace, rel=1e-7)
+
+
+@given(questions(), st.integers(0, 2**32 - 1))
+def test_range_of_gamma_is_where_the_papers_margins_hold(question, seed):
+    """B >= 0 and C >= 0 over a grid of k in I, at tau_0; smaller lags only enlarge B."""
+    k_a, headway, rho, tau_max = question
+    random = np.random.default_rng(seed)
+    for _ in range(5):
+        gains = Gains(headway, k_a, random.uniform(0.05, 2) / tau_max, random.uniform(1e-3, 2))
+        grid = k_a * np.linspace(1 - 1 / rho, 1 + 1 / rho, 41)
+        margins = [propagation_margins(gains, tau_max, float(k)) for k in grid]
+        slack = min(min(one.B, one.C) for one in margins)
+        low, high = gamma_range(k_a, gains.k_v, gains.k_p, rho, tau_max)
+        value = gains.k_v + headway * gains.k_p
+        if abs(slack) > 1e-9:
+            assert (low <= value <= high) == (slack > 0)
+
+
+def test_range_of_gamma_of_case_a():
+    low, high = gamma_range(0.5, A.k_v, A.k_p, 5.0, 0.5)
+    assert (round(low, 4), round(high, 4)) == (0.6385, 0.64)
+    assert low < A.k_v + A.time_headway * A.k_p < high
 
 
 @pytest.mark.parametrize(
