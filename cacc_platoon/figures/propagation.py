@@ -27,7 +27,7 @@ def plot_peaks(
         "-s",
         color=RED,
         markersize=3,
-        label="expectation run, w = E[w]",
+        label="expectation run, $w = E[w]$",
     )
     axes.set_xlabel("vehicle")
     axes.set_ylabel(r"$\max_t |\delta_i|$ [m]")

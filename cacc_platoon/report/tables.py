@@ -6,6 +6,7 @@ import html
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+from cacc_platoon.notation import as_html, as_text
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.names import vehicle_name
 from cacc_platoon.scenario.table import TABLE
@@ -138,8 +139,8 @@ def text_table(heads: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
 
 def _words(head: str, item: object) -> str:
     """Return a cell that knows its heading, for screens too narrow to show it above."""
-    label = f' data-head="{html.escape(head)}: "' if head else ""
-    return f'<td class="text"{label}>{html.escape(str(item))}</td>'
+    label = f' data-head="{html.escape(as_text(head))}: "' if head else ""
+    return f'<td class="text"{label}>{as_html(str(item))}</td>'
 
 
 def fact_table(facts: Sequence[tuple[str, object]]) -> str:
@@ -155,7 +156,7 @@ def _parameter(name: str, value: object, unit: str, meaning: str) -> str:
     items = value if isinstance(value, tuple) else (value,)
     words = [f"{item:g}" if isinstance(item, float) else str(item) for item in items]
     shown = ", ".join(words) if words else "none"
-    text = (html.escape(part) for part in (name, shown, unit, meaning))
+    text = (html.escape(name), html.escape(shown), as_html(unit), as_html(meaning))
     return "".join(
         f'<td class="{kind}">{t}</td>'
         for kind, t in zip(("text", "code", "text", "text"), text, strict=True)
@@ -163,8 +164,8 @@ def _parameter(name: str, value: object, unit: str, meaning: str) -> str:
 
 
 def _heading(text: str, unit: str = "", *, left: bool = False) -> str:
-    small = f"<small>[{html.escape(unit)}]</small>" if unit else ""
-    return f"<th{' class=text' if left else ''}>{html.escape(text)}{small}</th>"
+    small = f"<small>[{as_html(unit)}]</small>" if unit else ""
+    return f"<th{' class=text' if left else ''}>{as_html(text)}{small}</th>"
 
 
 def _table(heads: Sequence[str], rows: Sequence[str], kind: str = "") -> str:

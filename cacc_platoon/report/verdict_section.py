@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from cacc_platoon.analysis.metrics import describe_growth
 from cacc_platoon.analysis.verdict import WITHOUT_LOSS
+from cacc_platoon.notation import as_html
 from cacc_platoon.report.tables import cell, text_table
 from cacc_platoon.simulation import chance_deviation
 
@@ -23,17 +24,17 @@ def verdict_section(report: Report, metrics: dict[str, Any]) -> str:
     verdict = report.verdict
     scenario = report.run.trajectory.scenario
     kind, sign = ("good", "&#10003;") if report.proven else ("bad", "&#10007;")
-    lines = [f"<p>{html.escape(_meaning(report))}</p>"]
-    lines.append(f"<p><b>Data:</b> {html.escape(report.standing.line)}.</p>")
-    lines += [f"<p><b>Not checked:</b> {html.escape(w)}.</p>" for w in report.standing.unchecked]
+    lines = [f"<p>{as_html(_meaning(report))}</p>"]
+    lines.append(f"<p><b>Data:</b> {as_html(report.standing.line)}.</p>")
+    lines += [f"<p><b>Not checked:</b> {as_html(w)}.</p>" for w in report.standing.unchecked]
     if collided := report.measured.first_collision:
         lines.append(
             f"<p><b>Collision</b> of vehicle {collided[0]} with the one ahead at "
             f"{collided[1]:g} s.</p>"
         )
-    lines += [f"<p><b>Void for this run:</b> {html.escape(why)}.</p>" for why in verdict.void]
+    lines += [f"<p><b>Void for this run:</b> {as_html(why)}.</p>" for why in verdict.void]
     return (
-        f'<header class="verdict {kind}"><h1>{sign} {html.escape(report.headline.capitalize())}'
+        f'<header class="verdict {kind}"><h1>{sign} {as_html(report.headline.capitalize())}'
         f"</h1><p><b>{html.escape(scenario.name)}</b>: {scenario.platoon.followers} followers, "
         f"{report.measured.duration:g} s, seed {scenario.run.seed}</p>{''.join(lines)}</header>\n"
         f"{_guarantee_section(verdict)}"
@@ -59,7 +60,7 @@ def _guarantee_section(verdict: Verdict) -> str:
         "Where links have unequal E[w_i], one run's means over long holds of w included, spacing "
         "errors may grow although accelerations do not."
     )
-    return f"<h2>What is guaranteed{whose}</h2>{text_table(heads, rows)}<p>{note}</p>\n"
+    return f"<h2>What is guaranteed{whose}</h2>{text_table(heads, rows)}<p>{as_html(note)}</p>\n"
 
 
 def findings_section(report: Report) -> str:
@@ -67,7 +68,7 @@ def findings_section(report: Report) -> str:
     found = report.run.findings
     if not found:
         return ""
-    items = "".join(f"<li>{html.escape(line)}</li>" for line in found)
+    items = "".join(f"<li>{as_html(line)}</li>" for line in found)
     return (
         f'<div class="note"><b>Found in the bag ({len(found)}).</b> Samples that are missing or '
         f"not finite are left out of every number.<ul>{items}</ul></div>\n"
@@ -245,7 +246,7 @@ def _outcome_table(metrics: dict[str, Any]) -> str:
         ("largest age of information", "s", "age.max", ".3f"),
     ]
     body = "".join(
-        f'<tr><td class="text">{name} [{unit}]</td>{cell(metrics, key, form)}</tr>'
+        f'<tr><td class="text">{name} [{as_html(unit)}]</td>{cell(metrics, key, form)}</tr>'
         for name, unit, key, form in rows
     )
     collided = metrics["first_collision"]

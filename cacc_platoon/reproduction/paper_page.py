@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import html
 import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cacc_platoon.errors import UserError
 from cacc_platoon.formats import Format
+from cacc_platoon.notation import as_html
 from cacc_platoon.report.html_page import draw_figures, html_page
 from cacc_platoon.report.metrics_json import metrics_document, plain_values
 from cacc_platoon.report.tables import text_table
@@ -119,10 +119,10 @@ def _page(result: Reproduction, figures: str) -> str:
         )
         for name, report in result.reports.items()
     ]
-    slips = "".join(f"<li>{html.escape(line)}</li>" for line in SLIPS)
+    slips = "".join(f"<li>{as_html(line)}</li>" for line in SLIPS)
     return html_page(
         result.headline,
-        f'<header class="verdict {kind}"><h1>{sign} {html.escape(result.headline)}</h1></header>'
+        f'<header class="verdict {kind}"><h1>{sign} {as_html(result.headline)}</h1></header>'
         f"<h2>Paper says, we measured</h2>{text_table(heads, rows)}"
         f'<h2>Figures</h2><div class="grid">{figures}</div>'
         f"<h2>Where the paper slips</h2><ul>{slips}</ul>"

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 from cacc_platoon.analysis import Report, check_consistency, compute_metrics, judge
 from cacc_platoon.cli import main
+from cacc_platoon.notation import as_html
 from cacc_platoon.reproduction.cases import CASES, case_scenario
 from cacc_platoon.reproduction.paper_page import summary, write_reproduction
 from cacc_platoon.reproduction.reproduce import reproduce
@@ -110,10 +112,19 @@ def test_page_and_figures(reports, tmp_path):
     assert "http" not in page
     document = json.loads((tmp_path / "paper.json").read_text())
     assert document["agrees"] is True
+    shown = page[: page.index("<script")]  # what follows is paper.json once more
     for claim in document["claims"]:
-        assert claim["what"].replace("|", "|") in page.replace("&#x27;", "'")
-    for fact in ("paper says", "we measured", "1.001163718", "0.872677996"):
-        assert fact in page
+        assert f">{as_html(claim['what'])}</td>" in shown
+    for fact in (
+        "paper says",
+        "we measured",
+        "1.001163718",
+        "0.872677996",
+        "|H(jω; τ<sub>0</sub>)|",
+    ):
+        assert fact in shown
+    words = re.sub(r"<(svg|style).*?</\1>", "", shown, flags=re.DOTALL)
+    assert not re.search(r"tau_?0|\brho\b|<=|&lt;=|\bjw\b|\^\d", words)
 
 
 def test_noisy_runs_need_not_be_monotone(reports):
