@@ -7,8 +7,8 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
+from cacc_platoon.analysis.follower_verdict import WITHOUT_LOSS
 from cacc_platoon.analysis.metrics import describe_growth
-from cacc_platoon.analysis.verdict import WITHOUT_LOSS
 from cacc_platoon.notation import as_html
 from cacc_platoon.report.tables import cell, text_table
 from cacc_platoon.simulation import chance_deviation
@@ -16,7 +16,8 @@ from cacc_platoon.simulation import chance_deviation
 if TYPE_CHECKING:
     from cacc_platoon.analysis.analyse import Report
     from cacc_platoon.analysis.consistency import Consistency
-    from cacc_platoon.analysis.verdict import FollowerVerdict, Verdict
+    from cacc_platoon.analysis.follower_verdict import FollowerVerdict
+    from cacc_platoon.analysis.verdict import Verdict
 
 
 def verdict_section(report: Report, metrics: dict[str, Any]) -> str:
@@ -94,14 +95,14 @@ def _meaning(report: Report) -> str:
         slow = any(one.loop == WITHOUT_LOSS and not one.sampled for one in verdict.followers)
         subject = "Sampled fast enough, " if slow else ""
         said = f"{subject}{verdict.guarantee}{mean}"
-        gain = f"sup|H| = {weakest.l2_gain:.9g}{weakest.of_loop}"
-        return f"{said[0].upper()}{said[1:]}: {gain}. {course}"
+        return f"{said[0].upper()}{said[1:]}: {weakest.gain}. {course}"
     if verdict.undecided:
         return f"The gains cannot be certified: {weakest.reason} {course}"
     who = "" if verdict.equal_links else f"vehicle {weakest.follower}, "
     return (
         f"Disturbances may grow from vehicle to vehicle{mean}: {who}{weakest.reason}; sup|H| = "
-        f"{weakest.l2_gain:.9g} at {weakest.peak_frequency:.6g} rad/s{weakest.of_loop}. {course}"
+        f"{weakest.l2_gain:.9g} at {weakest.peak_frequency:.6g} rad/s{weakest.of_loop}. "
+        f"{weakest.remedy}. {course}"
     )
 
 

@@ -84,7 +84,9 @@ def test_the_gain_shown_is_as_judged_where_the_weakest_counts_zero(made):
     assert gain > 1
     assert f"sup|H| = {gain:.9g} (L2, in the mean) (vehicle 2 is the weakest)" in text
     assert "vehicle 2, time_headway = 0.7 s is below" in rows[""][0]
-    assert "rad/s. In the expectation run" in rows[""][0]
+    assert f"rad/s. {report.verdict.weakest.remedy}. In the expectation run" in rows[""][0]
+    assert "Raise time_headway" in report.verdict.weakest.remedy
+    assert f"\n  remedy: {report.verdict.weakest.remedy}\n" in text
 
 
 def test_each_kind_of_loss_has_its_own_answer(made):
