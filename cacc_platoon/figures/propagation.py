@@ -39,7 +39,7 @@ def plot_ensemble(
 ) -> None:
     """Draw how far noisy runs are from the expectation run, for the first and last follower.
 
-    The mean of the runs belongs between the dashed lines, 4 of its standard errors from zero.
+    The dashed lines are 4 standard errors of their mean from zero: a measure of it, not a test.
     """
     rows = np.linspace(0, len(expectation.time) - 1, POINTS).astype(np.int64)
     time = expectation.time[rows]

@@ -206,6 +206,12 @@ def _ensemble(report: Report) -> dict[str, Any] | None:
         "seed": report.run.trajectory.scenario.run.seed,
         "max_abs_mean_minus_expectation": float(np.max(deviation)),
         "max_standard_errors_from_expectation": float(np.max(deviation / errors)),
+        "agreement": report.agreement
+        and {
+            "level": report.agreement.level,
+            "compared": report.agreement.bound.size,
+            "largest_share_of_bound": report.agreement.largest_share,
+        },
         "max_abs_spacing_error": {
             "mean": peaks.mean(axis=0),
             "min": peaks.min(axis=0),

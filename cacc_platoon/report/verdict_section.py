@@ -11,7 +11,6 @@ from cacc_platoon.analysis.follower_verdict import WITHOUT_LOSS
 from cacc_platoon.analysis.metrics import describe_growth
 from cacc_platoon.notation import as_html
 from cacc_platoon.report.tables import cell, text_table
-from cacc_platoon.simulation import chance_deviation
 
 if TYPE_CHECKING:
     from cacc_platoon.analysis.analyse import Report
@@ -215,20 +214,24 @@ def _realised_with_loss(verdict: Verdict) -> str:
 
 
 def _agreement(ensemble: dict[str, Any]) -> tuple[str, str]:
-    """Say whether the mean of noisy runs is the expectation run, and by which measure."""
-    runs, away = ensemble["runs"], ensemble["max_standard_errors_from_expectation"]
-    basis = f"{runs} simulated runs against the expectation run at every vehicle and time"
-    if away is None:
+    """Say whether the mean of noisy runs is the expectation run, and by which test."""
+    runs, apart = ensemble["runs"], ensemble["max_abs_mean_minus_expectation"]
+    basis = f"the mean of delta_i over {runs} simulated runs against the expectation run"
+    if apart is None:
         return "unknown, they overflow", basis
-    if not away:
-        apart = ensemble["max_abs_mean_minus_expectation"]
-        return "unknown, they have no spread", f"{basis}: {apart:.3g} m apart at most"
-    most = chance_deviation(runs)
-    basis += f"; chance explains up to {most:.3g} standard errors of a mean of {runs}"
-    if away <= most:
-        return f"agree within {away:.3g} standard errors", basis
-    more = "; an event too rare for so few runs looks like a difference: simulate with more --runs"
-    return f"do not agree, {away:.3g} standard errors apart", f"{basis}{more}"
+    basis += f", {apart:.3g} m apart at most"
+    if (test := ensemble["agreement"]) is None:
+        return "not tested", f"{basis}; there is no test with a stated level for this scenario"
+    share = test["largest_share_of_bound"]
+    if share is None:
+        return "unknown, they overflow", basis
+    basis += (
+        f", all {test['compared']} vehicles and samples at once, against a bound that the mean of "
+        f"{runs} such runs leaves anywhere with a probability of at most {test['level']:g}: "
+        "Hoeffding's, for independent draws and w within the SNR, whatever their distribution"
+    )
+    reached = f"{100 * share:.3g} % of the bound reached"
+    return f"agrees, {reached}" if share <= 1.0 else f"does not agree, {reached}", basis
 
 
 def _outcome_table(metrics: dict[str, Any]) -> str:

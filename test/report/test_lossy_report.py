@@ -3,9 +3,7 @@
 import html
 import re
 
-import numpy as np
 import pytest
-from scipy import stats
 
 from cacc_platoon.analysis import analyse
 from cacc_platoon.cli.simulate import simulate_run
@@ -13,7 +11,6 @@ from cacc_platoon.notation import as_html
 from cacc_platoon.report import figure_list, metrics_document, report_run, summary
 from cacc_platoon.report.verdict_section import verdict_section
 from cacc_platoon.scenario import Scenario
-from cacc_platoon.simulation import chance_deviation
 from cacc_platoon.theory import exact_region, paper_region
 from cacc_platoon.theory.response_band import response_band
 
@@ -154,26 +151,24 @@ def row_of_agreement(report, **changes):
     return page_rows(verdict_section(report, metrics))["Mean of noisy runs"]
 
 
-def test_whether_noisy_runs_agree_depends_on_the_number(whole_run, tmp_path):
-    report, _ = report_run(whole_run, runs=20, output=tmp_path)
-    away = metrics_document(report)["ensemble"]["max_standard_errors_from_expectation"]
-    assert away < chance_deviation(20)
+def test_whether_noisy_runs_agree_is_a_test_with_a_level(whole_run, tmp_path):
+    report, metrics = report_run(whole_run, runs=20, output=tmp_path)
+    found = metrics["ensemble"]["agreement"]
+    assert found["level"] == 1e-3
+    assert found["compared"] == 301 * 3
+    share = found["largest_share_of_bound"]
+    assert 0.0 < share < 1.0
     answer, basis = row_of_agreement(report)
-    assert answer == f"agree within {away:.3g} standard errors"
-    assert "chance explains up to 7.37 standard errors of a mean of 20" in basis
-    answer, basis = row_of_agreement(report, max_standard_errors_from_expectation=7.5)
-    assert answer == "do not agree, 7.5 standard errors apart"
-    assert "agree" not in basis
-    answer, _ = row_of_agreement(report, max_standard_errors_from_expectation=7.5, runs=10)
-    assert answer == "agree within 7.5 standard errors"
-    answer, _ = row_of_agreement(report, max_standard_errors_from_expectation=None)
+    assert answer == f"agrees, {100 * share:.3g} % of the bound reached"
+    assert "all 903 vehicles and samples at once" in basis
+    assert "with a probability of at most 0.001: Hoeffding's" in basis
+    assert "standard error" not in basis
+    answer, _ = row_of_agreement(report, agreement={**found, "largest_share_of_bound": 1.5})
+    assert answer == "does not agree, 150 % of the bound reached"
+    answer, _ = row_of_agreement(report, agreement={**found, "largest_share_of_bound": None})
     assert answer == "unknown, they overflow"
-    answer, _ = row_of_agreement(report, max_standard_errors_from_expectation=0.0)
-    assert answer == "unknown, they have no spread"
-
-
-@pytest.mark.parametrize("runs", [5, 10, 20, 100, 400])
-def test_what_chance_explains_is_a_quantile_of_student(runs):
-    exact = stats.t.isf(stats.norm.sf(5.0), runs - 1)
-    assert chance_deviation(runs) == pytest.approx(exact, rel=0.25 if runs < 10 else 0.06)
-    assert np.isfinite(chance_deviation(2))
+    answer, _ = row_of_agreement(report, max_abs_mean_minus_expectation=None)
+    assert answer == "unknown, they overflow"
+    answer, basis = row_of_agreement(report, agreement=None)
+    assert answer == "not tested"
+    assert "no test with a stated level" in basis
