@@ -102,6 +102,7 @@ _RULES = {
         r"(?<![\w.])(?P<number>\d+(?:\.\d+)?)e(?P<exponent>[+-]\d+)(?!\w)",
         lambda m: _power(m["number"], m["exponent"]),
     ),
+    "endless": _Rule(r"(?<![\w.-])-?inf(?![\w.])", lambda m: m[0].replace("-", "−")[:-3] + "∞"),
     "operator": _Rule(r"<=|>=|!=|(?<!-)->|(?<=\w)\.\.\.(?=\w)", lambda m: _OPERATORS[m[0]]),
     "times": _Rule(r"(?<=\S)\*(?=[\w(|])| \* ", lambda m: m[0].replace("*", "·")),
     "minus": _Rule(r"(?<=[\w)\]}|]) - (?=[\w(|])", lambda _: " − "),

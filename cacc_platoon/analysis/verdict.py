@@ -11,7 +11,7 @@ from cacc_platoon.analysis.age import LinkReception
 from cacc_platoon.analysis.basis import Bases, arrival, bases_of
 from cacc_platoon.analysis.consistency import Consistency
 from cacc_platoon.analysis.follower_verdict import FollowerVerdict
-from cacc_platoon.analysis.guarantee import guarantee_of, mean_alone, noise_statistics
+from cacc_platoon.analysis.guarantee import guarantee_of, noise_statistics, of_unequal
 from cacc_platoon.analysis.noise import LinkNoise
 from cacc_platoon.analysis.premises import broken_premises, other_laws
 from cacc_platoon.errors import UserError
@@ -116,7 +116,10 @@ class Verdict:
         if certificate is None or self.another_law:
             return ()
         rows = guarantees(certificate, equal_links=self.equal_links)
-        return rows if self.equal_links else tuple(map(mean_alone, rows))
+        if self.equal_links:
+            return rows
+        everyone = [one.certificate for one in self.followers if one.certificate]
+        return tuple(of_unequal(row, everyone) for row in rows)
 
     @property
     def headline(self) -> str:

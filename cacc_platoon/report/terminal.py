@@ -21,7 +21,7 @@ def summary(report: Report, metrics: dict[str, Any]) -> str:
     """Return the lines that `platoon run` and `platoon report` print."""
     scenario = report.run.trajectory.scenario
     lines = [
-        f"{report.headline}: {scenario.name}, {scenario.platoon.followers} followers, "
+        f"{report.headline}: {scenario.name}, {counted(scenario.platoon.followers)}, "
         f"{report.measured.duration:g} s",
         *_verdict_lines(report),
         *_data_lines(report),
@@ -34,6 +34,19 @@ def summary(report: Report, metrics: dict[str, Any]) -> str:
         lines += ["", f"found in the bag ({len(report.run.findings)}):"]
         lines += [f"  - {finding}" for finding in report.run.findings]
     return "\n".join(lines)
+
+
+def counted(followers: int, before: str = "") -> str:
+    """Return a number of followers in words, `before` which of them.
+
+    Examples
+    --------
+    >>> counted(12, "the first"), counted(1, "the first"), counted(1)
+    ('the first 12 followers', 'the first follower', '1 follower')
+    """
+    if followers == 1:
+        return f"{before or 1} follower"
+    return f"{before} {followers} followers".strip()
 
 
 def _verdict_lines(report: Report) -> list[str]:

@@ -11,6 +11,7 @@ from cacc_platoon.analysis.follower_verdict import WITHOUT_LOSS
 from cacc_platoon.analysis.metrics import describe_growth
 from cacc_platoon.notation import as_html
 from cacc_platoon.report.tables import cell, text_table
+from cacc_platoon.report.terminal import counted
 
 if TYPE_CHECKING:
     from cacc_platoon.analysis.analyse import Report
@@ -35,12 +36,13 @@ def verdict_section(report: Report, metrics: dict[str, Any]) -> str:
     lines += [f"<p><b>Void for this run:</b> {as_html(why)}.</p>" for why in verdict.void]
     return (
         f'<header class="verdict {kind}"><h1>{sign} {as_html(report.headline.capitalize())}'
-        f"</h1><p><b>{html.escape(scenario.name)}</b>: {scenario.platoon.followers} followers, "
+        f"</h1><p><b>{html.escape(scenario.name)}</b>: {counted(scenario.platoon.followers)}, "
         f"{report.measured.duration:g} s, seed {scenario.run.seed}</p>{''.join(lines)}</header>\n"
         f"{_guarantee_section(verdict)}"
         f"<h2>What the verdict rests on</h2>{_basis_table(report, metrics)}"
-        "<p>The verdict is a theorem about the run's parameters. No ordering of errors in one "
-        "noisy run, nor in a hundred, proves or disproves string stability.</p>\n"
+        "<p>The verdict follows from the run's parameters, by theorems where its basis names no "
+        "number of lags. No ordering of errors in one noisy run, nor in a hundred, proves or "
+        "disproves string stability.</p>\n"
         f"<h2>What happened</h2>{_outcome_table(metrics)}"
     )
 
@@ -51,14 +53,15 @@ def _guarantee_section(verdict: Verdict) -> str:
     if not rows:
         return ""
     whose = "" if verdict.equal_links else f", by vehicle {verdict.weakest.follower}, the weakest"
+    lost = " and any packets lost" if verdict.bases.losses else ""
     heads = ("signal", "in the mean", "in the mean square", "whatever the noise does")
     note = (
         "For every lag up to tau0, in continuous time but for the mean square, which is of the "
         "sampled loop. In the mean: expectations, with every E[w] the SNR permits. In the mean "
         "square: the energy that the noise of this scenario adds, independent between links. "
-        "Whatever the noise does: every run, with w anywhere within the SNR at every instant. "
-        "Where links have unequal E[w_i], one run's means over long holds of w included, spacing "
-        "errors may grow although accelerations do not."
+        "Whatever the noise does: every run, with w anywhere within the SNR at every instant"
+        f"{lost}. Where links have unequal E[w_i], one run's means over long holds of w included, "
+        "spacing errors may grow although accelerations do not."
     )
     return f"<h2>What is guaranteed{whose}</h2>{text_table(heads, rows)}<p>{as_html(note)}</p>\n"
 
@@ -80,7 +83,10 @@ def _meaning(report: Report) -> str:
     weakest = verdict.weakest
     peaks = report.expected.max_abs_spacing_error
     course = (
-        f"In the expectation run{report.left_out} the largest spacing error is "
+        f"In the expectation run{report.left_out} the spacing error of the only follower is at "
+        f"most {peaks[0]:.6f} m."
+        if len(peaks) == 1
+        else f"In the expectation run{report.left_out} the largest spacing error is "
         f"{describe_growth(peaks)} along the platoon, {peaks[0]:.6f} m at the first follower and "
         f"{peaks[-1]:.6f} m at the last."
     )
@@ -121,7 +127,8 @@ def _certificate_rows(report: Report) -> Iterator[tuple[str, str, str]]:
     yield (
         "Sampled at the control period",
         _answer(all(one.sampled for one in verdict.followers), unknown),
-        f"exact test (L2) of {loops}, at {report.run.grid.step / 1e9:g} s",
+        f"exact test (L2) of {loops}, at {report.run.grid.step / 1e9:g} s; at 17 lags up to tau0 "
+        "and without lag",
     )
     for loss in bases.losses:
         concerned = [one for one in verdict.followers if one.follower in loss.followers]
@@ -133,7 +140,7 @@ def _certificate_rows(report: Report) -> Iterator[tuple[str, str, str]]:
     if not verdict.equal_links:
         yield (
             "Unequal followers",
-            f"vehicle {verdict.weakest.follower} is the weakest",
+            f"none is weaker than vehicle {verdict.weakest.follower}",
             "certified link by link on a_i = H_i a_{i-1}; delta_i = H delta_{i-1} needs equal "
             "followers",
         )
@@ -145,8 +152,7 @@ def _certificate_rows(report: Report) -> Iterator[tuple[str, str, str]]:
             f"{braking.gap:.2f} m" + (": collision" if braking.gap <= 0 else ""),
             f"in the mean{kept}, from the equilibrium spacing: the leader brakes "
             "whenever it hurts most, not only once; least of both ends of I, of "
-            "the lags tau0, tau0/2 and tau0/10, and of "
-            f"the first {braking.vehicles} followers",
+            "the lags tau0, tau0/2 and tau0/10, and of " + counted(braking.vehicles, "the first"),
         )
 
 
@@ -163,10 +169,13 @@ def _data_rows(report: Report, metrics: dict[str, Any]) -> Iterator[tuple[str, s
     )
     sent = any(link.samples for link in links)
     kept = "kept" if sent else "nothing was sent"
+    of_what = "at every sample of every link"
+    if verdict.bases.losses:
+        of_what = "of every packet that arrived"
     yield (
         "Channel assumption",
         "broken" if any(link.breaches for link in links) else kept,
-        "1 - 1/rho <= w <= 1 + 1/rho at every sample of every link, checked in the data",
+        f"1 - 1/rho <= w <= 1 + 1/rho {of_what}, checked in the data",
     )
     for (question, basis), found in zip(_RECOMPUTED, report.recomputed, strict=True):
         left_out = f"; not compared: {found.unknown}" if found.unknown else ""
@@ -226,8 +235,9 @@ def _agreement(ensemble: dict[str, Any]) -> tuple[str, str]:
     if share is None:
         return "unknown, they overflow", basis
     basis += (
-        f", all {test['compared']} vehicles and samples at once, against a bound that the mean of "
-        f"{runs} such runs leaves anywhere with a probability of at most {test['level']:g}: "
+        f", at all {test['compared']} pairs of vehicle and sample at once, against a bound that "
+        f"the mean of {runs} such runs leaves anywhere with a probability of at most "
+        f"{test['level']:g}: "
         "Hoeffding's, for independent draws and w within the SNR, whatever their distribution"
     )
     reached = f"{100 * share:.3g} % of the bound reached"

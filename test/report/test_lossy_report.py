@@ -160,7 +160,7 @@ def test_whether_noisy_runs_agree_is_a_test_with_a_level(whole_run, tmp_path):
     assert 0.0 < share < 1.0
     answer, basis = row_of_agreement(report)
     assert answer == f"agrees, {100 * share:.3g} % of the bound reached"
-    assert "all 903 vehicles and samples at once" in basis
+    assert "at all 903 pairs of vehicle and sample at once" in basis
     assert "with a probability of at most 0.001: Hoeffding's" in basis
     assert "standard error" not in basis
     answer, _ = row_of_agreement(report, agreement={**found, "largest_share_of_bound": 1.5})
@@ -172,3 +172,30 @@ def test_whether_noisy_runs_agree_is_a_test_with_a_level(whole_run, tmp_path):
     answer, basis = row_of_agreement(report, agreement=None)
     assert answer == "not tested"
     assert "no test with a stated level" in basis
+
+
+def test_what_is_guaranteed_without_losses_says_so(made):
+    """The gains of the mean loop are of the one without losses where the last packet is held."""
+    report, _, rows = made({"v2v.loss": 0.1})
+    mean = {row.signal: row.mean for row in report.verdict.guarantees}
+    for signal in ("energy of a_i", "peaks of a_i", "peaks of delta_i"):
+        assert mean[signal].endswith(", of the loop without losses")
+    assert "at every instant and any packets lost." in rows[""][0]
+    assert "of every packet that arrived" in rows["Channel assumption"][1]
+    assert "at 17 lags up to τ0" in rows["With packet loss, in the mean"][1]
+
+
+def test_what_is_guaranteed_of_lost_packets_that_count_as_zero_includes_them(made):
+    report, _, rows = made({"v2v.loss": 0.1, "v2v.reception": "zero"})
+    assert "without losses" not in str(report.verdict.guarantees)
+    sure = rows["Ratio of peaks of a_i per hop, in every run, at most".replace("a_i", "ai")]
+    assert "w = 0, which is a lost packet, and every w in [1 " in sure[1]
+
+
+def test_a_single_follower_is_spoken_of_as_one(made):
+    _, text, rows = made({"platoon.followers": 1})
+    assert text.splitlines()[0].endswith(": scenario, 1 follower, 6 s")
+    assert ": 1 follower, 6 s, seed 1" in rows[""][0]
+    assert "the spacing error of the only follower is at most" in rows[""][0]
+    braking = next(row[1] for name, row in rows.items() if name.startswith("Least gap over"))
+    assert braking.endswith("and of the first follower")
