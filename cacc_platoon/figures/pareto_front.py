@@ -47,7 +47,7 @@ def plot_pareto_front(
     axes.margins(0.08)
     _plot_names(axes, named, latency_cap)
     axes.set_xlabel(r"time headway $h_w$ [s]")
-    axes.set_ylabel("V2V latency margin [s]")
+    axes.set_ylabel("margin of constant V2V latency [s]")
     axes.set_title("large marker: fast slowest mode; triangle: beyond the axis")
 
 

@@ -128,7 +128,7 @@ def scenario_table(scenario: Scenario) -> str:
                 _parameter(f"{vehicle_name(index)}: {name}", value, TABLE[name].unit, "own value")
             )
     heads = [_heading(text, left=True) for text in ("parameter", "value", "unit", "meaning")]
-    return _table(heads, rows)
+    return _table(heads, rows, kind="words")
 
 
 def text_table(heads: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
@@ -149,17 +149,16 @@ def fact_table(facts: Sequence[tuple[str, object]]) -> str:
         f'<td class="text">{html.escape(name)}</td><td class="code">{html.escape(str(value))}</td>'
         for name, value in facts
     ]
-    return _table([], rows)
+    return _table([], rows, kind="words")
 
 
 def _parameter(name: str, value: object, unit: str, meaning: str) -> str:
     items = value if isinstance(value, tuple) else (value,)
     words = [f"{item:g}" if isinstance(item, float) else str(item) for item in items]
     shown = ", ".join(words) if words else "none"
-    text = (html.escape(name), html.escape(shown), as_html(unit), as_html(meaning))
-    return "".join(
-        f'<td class="{kind}">{t}</td>'
-        for kind, t in zip(("text", "code", "text", "text"), text, strict=True)
+    return (
+        f'<td class="text">{html.escape(name)}</td><td class="code">{html.escape(shown)}</td>'
+        f"{_words('unit', unit)}{_words('', meaning)}"
     )
 
 

@@ -28,6 +28,14 @@ def test_the_page_writes_mathematics_and_keeps_the_names_of_parameters(reported)
     assert not re.search(left, words)
 
 
+def test_every_table_of_words_folds_on_a_narrow_screen(reported):
+    text = (reported / "report.html").read_text(encoding="utf-8")
+    for heading in ("What is guaranteed", "What the verdict rests on", "Scenario", "Provenance"):
+        table = text[text.index(f"<h2>{heading}") :]
+        assert table[table.index("<table") :].startswith('<table class="words">'), heading
+    assert '<td class="code">0.95</td><td class="text" data-head="unit: ">s</td>' in text
+
+
 def test_alternative_texts_and_file_names(reported):
     text = (reported / "report.html").read_text(encoding="utf-8")
     assert 'role="img" aria-label="Propagation |H(jω)|"' in text
