@@ -28,6 +28,7 @@ ROOMS = {
     "errors": Room(set(), set()),
     "formats": Room({"errors"}, set()),
     "texts": Room(set(), set()),
+    "notation": Room(set(), set()),
     "stop_signal": Room(set(), set()),
     "time_limit": Room(set(), set()),
     "dds": Room({"errors"}, set()),
@@ -42,15 +43,15 @@ ROOMS = {
     "runs": Room(RUNS, {"numpy"}),
     "nodes": Room({*RUNS, "stepping"}, ROS),
     "analysis": Room(JUDGED, {"numpy"}),
-    "figures": Room({*JUDGED, "design"}, {"numpy"}, {"matplotlib"}),
+    "figures": Room({*JUDGED, "design", "notation"}, {"numpy"}, {"matplotlib"}),
     "supervision": Room(
         {*RUNS, "stop_signal", "time_limit", "dds", "stepping", "nodes"}, {"numpy", *ROS}
     ),
     "sweep": Room({*JUDGED}, {"numpy"}),
-    "report": Room({*JUDGED, "design", "figures"}, {"numpy", "ruamel"}, {"matplotlib"}),
+    "report": Room({*JUDGED, "design", "figures", "notation"}, {"numpy", "ruamel"}, {"matplotlib"}),
     "replay": Room({*JUDGED, "figures"}, {"numpy"}),
     "testing": Room({*RUNS, "dds", "nodes", "supervision"}, {"numpy", *ROS}),
-    "reproduction": Room({*JUDGED, "figures", "report"}, {"numpy"}),
+    "reproduction": Room({*JUDGED, "figures", "notation", "report"}, {"numpy"}),
     "cli": Room(
         {*JUDGED, "stop_signal", "dds", "design", "figures", "report", "replay", "reproduction"},
         {"numpy", "ruamel"},

@@ -6,7 +6,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
+from cacc_platoon.analysis.dropped import delivered_as_zero
 from cacc_platoon.scenario import Follower
 from cacc_platoon.simulation import Arrivals, Trajectory
 from cacc_platoon.simulation.trajectory import Array
@@ -62,7 +64,11 @@ def link_reception(run: Trajectory) -> list[LinkReception]:
     >>> link.loss, link.age_max
     (0.0, 0.0)
     """
-    return [_link(run, follower, column) for column, follower in enumerate(run.scenario.receivers)]
+    dropped = delivered_as_zero(run)
+    return [
+        _link(run, follower, column, dropped[:, column])
+        for column, follower in enumerate(run.scenario.receivers)
+    ]
 
 
 def information_age(arrivals: Arrivals, samples: int) -> Array:
@@ -73,7 +79,9 @@ def information_age(arrivals: Arrivals, samples: int) -> Array:
     return np.where(newest >= 0, np.arange(samples) - newest, np.nan)
 
 
-def _link(run: Trajectory, receiver: Follower, column: int) -> LinkReception:
+def _link(
+    run: Trajectory, receiver: Follower, column: int, dropped: npt.NDArray[np.bool_]
+) -> LinkReception:
     samples = len(run.received)
     sent = np.isfinite(run.sent[:, column])
     if run.arrivals is None or not receiver.counted:
@@ -81,7 +89,9 @@ def _link(run: Trajectory, receiver: Follower, column: int) -> LinkReception:
         sample = np.flatnonzero(sent)
         arrivals = Arrivals(sample, sample, run.received[sample, column])
     else:
-        arrivals = run.arrivals[column]
+        source, at, value = run.arrivals[column]
+        kept = ~dropped[source]
+        arrivals = Arrivals(source[kept], at[kept], value[kept])
     age = information_age(arrivals, samples) * run.scenario.run.step
     age = age[np.isfinite(age)]
     median, p99, largest = np.quantile(age, (0.5, 0.99, 1.0)) if age.size else [math.nan] * 3

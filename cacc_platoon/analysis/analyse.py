@@ -18,7 +18,14 @@ from cacc_platoon.errors import UserError
 from cacc_platoon.runs.locate import locate
 from cacc_platoon.runs.recorded_run import RecordedRun, read_run
 from cacc_platoon.scenario import Scenario
-from cacc_platoon.simulation import Ensemble, Trajectory, monte_carlo, simulate_mean
+from cacc_platoon.simulation import (
+    Agreement,
+    Ensemble,
+    Trajectory,
+    mean_agreement,
+    monte_carlo,
+    simulate_mean,
+)
 
 AUTOMATIC_RUNS = ((20, 400_000), (10, 2_500_000))
 """Noisy runs simulated beside the recorded one, up to so many states (samples x vehicles)."""
@@ -72,6 +79,13 @@ class Report:
     def worst_braking(self) -> WorstBraking | None:
         """The least gap over all brakings of the leader, where theory knows it."""
         return worst_braking(self.run.trajectory.scenario, self.verdict)
+
+    @cached_property
+    def agreement(self) -> Agreement | None:
+        """Whether the mean of the noisy runs is the expectation run, where that can be tested."""
+        if self.ensemble is None:
+            return None
+        return mean_agreement(self.run.trajectory.scenario, self.ensemble, self.expectation)
 
     @cached_property
     def recomputed(self) -> Recomputation:

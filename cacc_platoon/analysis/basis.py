@@ -17,16 +17,17 @@ _PAPER_TEST = "paper's Theorem 2: h_w > h_lb(k_a) and (k_p, k_v) in S = S1 and S
 _LINF_NAME = (
     "L-infinity: L1 norm of the impulse response of H, largest over every tau in (0, tau0] by a "
     "scan, whose bound for the lags between is above, and at both ends of I; bounds the ratio of "
-    "peaks of a_i, and of delta_i between equal followers, in the mean system, and of no noisy run"
+    "peaks of a_i, and of delta_i between followers that are equal, E[w] too, in the mean system, "
+    "and of no noisy run"
 )
 _SURE_NAME = (
-    "L-infinity: sum of max |h[n]| over {} the noise may have at any instant, of the loop sampled "
-    "at the control period; largest of 17 lags up to tau0 and the plant without lag; bounds the "
-    "ratio of peaks of a_i in every run, however w changes in time"
+    "L-infinity: sum of max |h[n]| over {}, of the loop sampled at the control period; largest of "
+    "17 lags up to tau0 and the plant without lag; bounds the ratio of peaks of a_i in every run, "
+    "however w changes in time"
 )
-_ANY_FACTOR = "every w in [1 - 1/rho, 1 + 1/rho]"
-_OR_LOST = "w = 0 and every w in [1 - 1/rho, 1 + 1/rho] (lost packets count as zero)"
-_LATE = "what was sent at any time before, times any such w (the last packet is held)"
+_ANY_FACTOR = "every w in [1 - 1/rho, 1 + 1/rho] that the noise may have at any instant"
+_OR_LOST = f"w = 0, which is a lost packet, and {_ANY_FACTOR}"
+_LATE = f"{_ANY_FACTOR}, of any packet sent until then (the last one is held)"
 _EQUAL = "delta_i = H delta_{i-1} for i >= 2, equal followers"
 _UNEQUAL = "a_i = H_i a_{i-1} for every follower's own H_i, unequal followers"
 _ZERO = (
@@ -36,7 +37,7 @@ _ZERO = (
 _HOLD = (
     "the last packet is held{} while others are lost: judged is the mean system too, at the packet "
     "reception probability p{} and the control period of the run, by the exact test of the "
-    "sampled loop with k filtered by p/(1 - (1 - p)/z)"
+    "sampled loop with k filtered by p/(1 - (1 - p)/z), at 17 lags up to tau0 and without lag"
 )
 _MOST_NAMED = 6  # vehicles
 

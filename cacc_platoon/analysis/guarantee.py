@@ -24,15 +24,26 @@ def guarantee_of(certificates: Sequence[Certificate], *, equal_links: bool) -> s
             f"{rest} {certificates[0].tau_max:g} s and every E[w] that all links share, |a_i|_2 "
             "and |delta_i|_2 do not grow from vehicle to vehicle"
         )
-    worst = max(certificate.leader_error_gain for certificate in certificates)
     return (
         f"{rest} its tau0 and every E[w_i], |a_i|_2 does not grow from vehicle to vehicle; "
-        f"spacing errors may, links being unequal: |delta_i|_2 <= {worst:.4g} s^2 |a_0|_2"
+        f"spacing errors may, links being unequal: |delta_i|_2 <= {_largest_error(certificates)}"
     )
 
 
-def mean_alone(row: Guarantee) -> Guarantee:
-    """Leave out what one vehicle's guarantee does not say of a platoon of unequal ones."""
+def _largest_error(certificates: Sequence[Certificate]) -> str:
+    """Return what no |delta_i|_2 of unequal vehicles exceeds, and of which loop it is."""
+    worst = max(certificate.leader_error_gain for certificate in certificates)
+    held = any(certificate.held < 1.0 for certificate in certificates)
+    return f"{worst:.4g} s^2 |a_0|_2" + (", of the loop without losses" if held else "")
+
+
+def of_unequal(row: Guarantee, certificates: Sequence[Certificate]) -> Guarantee:
+    """Make one vehicle's guarantee that of a platoon of unequal ones.
+
+    Of energies of errors it is the largest; of what is between vehicles nothing is said.
+    """
+    if row.signal == "energy of delta_i" and all(one.string_stable for one in certificates):
+        row = row._replace(mean=f"may grow; at most {_largest_error(certificates)}")
     unsaid = "not said of unequal links" if row.mean_square != "-" else "-"
     peaks = "peaks" in row.signal
     mean = "not said of unequal links" if peaks and row.mean != "-" else row.mean

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cacc_platoon.analysis.dropped import delivered_as_zero
 from cacc_platoon.model import expected_factor, factor_variance
 from cacc_platoon.scenario import Follower
 from cacc_platoon.simulation import Trajectory
@@ -58,7 +59,9 @@ class LinkNoise(NamedTuple):
 
 
 def noise_factor(run: Trajectory) -> Array:
-    """Return w = received / sent of every link, NaN where a_j is zero, shape (samples, L).
+    """Return w = received / sent of every link, NaN where there is none, shape (samples, L).
+
+    There is none where a_j is zero and where the packet is lost.
 
     Examples
     --------
@@ -71,7 +74,7 @@ def noise_factor(run: Trajectory) -> Array:
     sent = run.sent
     loud = np.abs(sent) > SILENCE
     factor = np.full(sent.shape, np.nan)
-    np.divide(run.arrived, sent, out=factor, where=loud)
+    np.divide(run.arrived, sent, out=factor, where=loud & ~delivered_as_zero(run))
     return factor
 
 

@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from cacc_platoon.analysis.age import LinkReception
 from cacc_platoon.analysis.basis import Bases, arrival, bases_of
 from cacc_platoon.analysis.consistency import Consistency
-from cacc_platoon.analysis.guarantee import guarantee_of, mean_alone, noise_statistics
+from cacc_platoon.analysis.follower_verdict import FollowerVerdict
+from cacc_platoon.analysis.guarantee import guarantee_of, noise_statistics, of_unequal
 from cacc_platoon.analysis.noise import LinkNoise
 from cacc_platoon.analysis.premises import broken_premises, other_laws
 from cacc_platoon.errors import UserError
 from cacc_platoon.scenario import Follower, Scenario
 from cacc_platoon.theory import (
-    Certificate,
-    Failure,
     Guarantee,
     Hop,
     certify,
@@ -38,110 +36,7 @@ JUDGED_BY = (
 )
 """The parts of a certificate that a verdict needs; where one cannot be computed it is undecided."""
 
-AS_JUDGED, WITHOUT_LOSS = "as judged", "without loss"
-
 _ABSURD = 100.0  # a mean of w that only damaged data can have
-
-
-class FollowerVerdict(NamedTuple):
-    """What holds for one follower's own parameters.
-
-    Attributes
-    ----------
-    follower : int
-        Index.
-    certificate : Certificate or None
-        What they guarantee, the sampled loop at the scenario's period; None when it could not be
-        computed, and then nothing is certified.
-    failure : Failure or None
-        Why the exact test fails, None when it passes or is undecided.
-    undecided : str
-        Why there is no certificate, else empty.
-    realised_k : float
-        k_a times the mean w of this run's link, and times p where losses count as zero; NaN when w
-        is unknown, and where the last packet is held.
-    realised_stable : bool or None
-        The exact test for that k and the follower's own tau; None when there is no such k.
-    """
-
-    follower: int
-    certificate: Certificate | None
-    failure: Failure | None = None
-    undecided: str = ""
-    realised_k: float = math.nan
-    realised_stable: bool | None = None
-
-    @property
-    def decided(self) -> bool:
-        """Whether there is a certificate."""
-        return self.certificate is not None
-
-    @property
-    def reason(self) -> str:
-        """Which condition fails, or why none could be tested; empty when none fails."""
-        return self.failure.condition if self.failure else self.undecided
-
-    @property
-    def string_stable(self) -> bool:
-        """The exact test, worst over I and tau in (0, tau0]; of the mean system under loss."""
-        return self.certificate is not None and self.certificate.string_stable
-
-    @property
-    def loop(self) -> str:
-        """Which loop its gains and the paper's test are of.
-
-        That is the loop without loss where the last packet is held, since `string_stable` is then
-        judged by the sampled loop too.
-        """
-        held = self.certificate is not None and self.certificate.held < 1.0
-        return WITHOUT_LOSS if held else AS_JUDGED
-
-    @property
-    def of_loop(self) -> str:
-        """Of which loop its gains are, for a sentence, where it is not the one that is judged."""
-        return " of the loop without loss" if self.loop == WITHOUT_LOSS else ""
-
-    @property
-    def in_paper_region(self) -> bool:
-        """The paper's sufficient test."""
-        return self.certificate is not None and self.certificate.in_paper_region
-
-    @property
-    def internally_stable(self) -> bool:
-        """Routh's test at tau0."""
-        return self.certificate is not None and self.certificate.internally_stable
-
-    @property
-    def sampled(self) -> bool:
-        """The exact test of the loop sampled at the scenario's period."""
-        return self.certificate is not None and self.certificate.sampled_string_stable
-
-    @property
-    def l2_gain(self) -> float:
-        """Worst sup |H|, NaN when undecided."""
-        return math.nan if self.certificate is None else self.certificate.l2_gain
-
-    @property
-    def peak_frequency(self) -> float:
-        """Where sup |H| is [rad/s], NaN when undecided."""
-        return math.nan if self.certificate is None else self.certificate.peak_frequency
-
-    @property
-    def linf_gain(self) -> float:
-        """Largest ratio of peaks of the mean hop, over all lags and I; NaN when unknown."""
-        return self._known("linf_gain")
-
-    @property
-    def sure_gain(self) -> float:
-        """Largest ratio of peaks of a_i for every realisation, sampled; NaN when unknown."""
-        return self._known("sampled_sure_gain")
-
-    def _known(self, part: str) -> float:
-        """Return a part that nothing else of a verdict rests on."""
-        try:
-            return math.nan if self.certificate is None else float(getattr(self.certificate, part))
-        except (UserError, ArithmeticError):
-            return math.nan
 
 
 @dataclass(frozen=True)
@@ -167,7 +62,7 @@ class Verdict:
         One by one.
     weakest : FollowerVerdict
         A follower that fails before one that is undecided, then the one with the largest sup |H|,
-        then the one that loses most packets.
+        then the one that loses most packets, then the one with the smaller least margin.
     end_to_end_gain : float
         sup |H_1 ... H_N| at each follower's own tau and the realised k; NaN where w is unknown.
     """
@@ -221,7 +116,10 @@ class Verdict:
         if certificate is None or self.another_law:
             return ()
         rows = guarantees(certificate, equal_links=self.equal_links)
-        return rows if self.equal_links else tuple(map(mean_alone, rows))
+        if self.equal_links:
+            return rows
+        everyone = [one.certificate for one in self.followers if one.certificate]
+        return tuple(of_unequal(row, everyone) for row in rows)
 
     @property
     def headline(self) -> str:
@@ -321,9 +219,9 @@ def _decide(follower: Follower, step: float) -> FollowerVerdict:
 
 
 def _weakest(scenario: Scenario, verdicts: list[FollowerVerdict]) -> FollowerVerdict:
-    def weakness(one: FollowerVerdict) -> tuple[bool, bool, float, float]:
+    def weakness(one: FollowerVerdict) -> tuple[bool, bool, float, float, float]:
         loss = scenario.follower(one.follower).v2v.loss
-        return not one.string_stable, one.decided, one.l2_gain, loss
+        return not one.string_stable, one.decided, one.l2_gain, loss, -min(one.margins)
 
     return max(verdicts, key=weakness)
 

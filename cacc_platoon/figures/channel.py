@@ -31,8 +31,8 @@ def plot_noise(noise: Axes, signal: Axes, run: Trajectory, follower: int) -> Non
     noise.plot(*reduce(run.time, factor), color=BLUE, linewidth=0.4)
     for limit in (1.0 - 1.0 / rho, 1.0 + 1.0 / rho):
         noise.axhline(limit, color=RED, linestyle="--", linewidth=1.0)
-    noise.set_ylabel("noise factor w [-]")
-    noise.set_title(f"link {follower - 1} to {follower}; dashed: 1 - 1/rho and 1 + 1/rho")
+    noise.set_ylabel("noise factor $w$ [-]")
+    noise.set_title(rf"link {follower - 1} to {follower}; dashed: $1 - 1/\rho$ and $1 + 1/\rho$")
     received = reduce(run.time, run.received[:, column])
     signal.plot(*received, color=ORANGE, linewidth=0.6, label=f"received by vehicle {follower}")
     sent = reduce(run.time, run.sent[:, column])
@@ -65,7 +65,7 @@ def plot_link_noise(axes: Axes, links: list[LinkNoise]) -> None:
     axes.vlines(index, low, high, color=GREY, linewidth=1.5, label="smallest to largest")
     axes.plot(index, mean, "o", color=BLUE, markersize=4, label="mean")
     expected = [link.expected_mean for link in used]
-    axes.plot(index, expected, "_", color=RED, markersize=9, label="E[w] of the parameters")
+    axes.plot(index, expected, "_", color=RED, markersize=9, label="$E[w]$ of the parameters")
     axes.set_xlabel("receiving vehicle")
-    axes.set_ylabel("noise factor w [-]")
+    axes.set_ylabel("noise factor $w$ [-]")
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, 1.17), ncols=3)

@@ -66,11 +66,11 @@ def _plot_paper_region(axes: Axes, paper: PaperRegion, k_p: NDArray[np.float64])
             *np.transpose(paper.polygon),
             facecolor=ORANGE,
             edgecolor=RED,
-            label="paper's S (sufficient)",
+            label=r"paper's $S$ (sufficient)",
         )
     for intercept, slope, color, name in (
-        (paper.a1, paper.a1 / paper.b1, RED, "S1: below"),
-        (paper.a2, paper.a2 / paper.b2, PURPLE, "S2: above"),
+        (paper.a1, paper.a1 / paper.b1, RED, r"$S_1$: below"),
+        (paper.a2, paper.a2 / paper.b2, PURPLE, r"$S_2$: above"),
     ):
         if not paper.nonempty:
             axes.plot(k_p, intercept - slope * k_p, color=color, ls="--", lw=1.0, label=name)

@@ -54,7 +54,7 @@ def plot_space_time(axes: Axes, run: Trajectory) -> None:
     speed = run.scenario.platoon.initial_speed
     relative = run.position - speed * run.time[:, np.newaxis]
     plot_per_vehicle(axes, run.time, relative, run.scenario.vehicles)
-    axes.set_ylabel(f"position $x_i$ - {speed:g} m/s t [m]")
+    axes.set_ylabel(rf"position $x_i - {speed:g}$ m/s $\cdot\ t$ [m]")
 
 
 def plot_waterfall(axes: Axes, run: Trajectory) -> None:

@@ -43,11 +43,11 @@ def plot_pareto_front(
             edgecolors=INK,
             linewidths=0.5,
         )
-    axes.figure.colorbar(points, ax=axes, label="L-infinity gain [-]")
+    axes.figure.colorbar(points, ax=axes, label=r"$L_\infty$ gain [-]")
     axes.margins(0.08)
     _plot_names(axes, named, latency_cap)
     axes.set_xlabel(r"time headway $h_w$ [s]")
-    axes.set_ylabel("V2V latency margin [s]")
+    axes.set_ylabel("margin of constant V2V latency [s]")
     axes.set_title("large marker: fast slowest mode; triangle: beyond the axis")
 
 

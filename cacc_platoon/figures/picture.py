@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from cacc_platoon.figures.style import draw_png, draw_svg, standalone
+from cacc_platoon.notation import as_text
 
 
 class Picture(NamedTuple):
@@ -36,7 +37,7 @@ class Picture(NamedTuple):
 
     def svg(self) -> str:
         """Draw it for a page."""
-        return draw_svg(self.title, self.draw, self.rows, self.height, self.columns)
+        return draw_svg(as_text(self.title), self.draw, self.rows, self.height, self.columns)
 
     def save(self, folder: Path) -> list[Path]:
         """Draw it into files, SVG and PNG, the same bytes every time."""

@@ -27,7 +27,7 @@ def plot_peaks(
         "-s",
         color=RED,
         markersize=3,
-        label="expectation run, w = E[w]",
+        label="expectation run, $w = E[w]$",
     )
     axes.set_xlabel("vehicle")
     axes.set_ylabel(r"$\max_t |\delta_i|$ [m]")
@@ -39,7 +39,7 @@ def plot_ensemble(
 ) -> None:
     """Draw how far noisy runs are from the expectation run, for the first and last follower.
 
-    The mean of the runs belongs between the dashed lines, 4 of its standard errors from zero.
+    The dashed lines are 4 standard errors of their mean from zero: a measure of it, not a test.
     """
     rows = np.linspace(0, len(expectation.time) - 1, POINTS).astype(np.int64)
     time = expectation.time[rows]

@@ -201,8 +201,8 @@ def _recommendation_lines(designs: list[dict[str, Any]]) -> list[str]:
         )
         lines.append(f"{design['name']:12s}{row}")
     lines.append(
-        "(latency, period: where the loop with all that is asked is lost, the period with an "
-        "acceleration one period older than the latency"
+        "(latency, constant, and period: where the loop with all that is asked is lost, the period "
+        "with an acceleration one period older than the latency"
         + ("; V2V: the longest time between packets at which nothing grows)" if rate else ")")
     )
     for design in designs:

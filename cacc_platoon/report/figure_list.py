@@ -14,7 +14,7 @@ from cacc_platoon.theory.response_band import response_band
 
 if TYPE_CHECKING:
     from cacc_platoon.analysis.analyse import Report
-    from cacc_platoon.analysis.verdict import FollowerVerdict
+    from cacc_platoon.analysis.follower_verdict import FollowerVerdict
 
 
 def pictures(report: Report) -> Iterator[Picture]:

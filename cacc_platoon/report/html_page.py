@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cacc_platoon.figures.style import standalone
+from cacc_platoon.notation import as_html, as_text
 
 if TYPE_CHECKING:
     from cacc_platoon.bags.raw import Progress
@@ -25,7 +26,7 @@ def html_page(title: str, body: str, data: dict[str, Any]) -> str:
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         '<meta name="color-scheme" content="light dark">\n'
-        f"<title>{html.escape(title)}</title>\n<style>{STYLE.read_text(encoding='utf-8')}</style>\n</head>\n"
+        f"<title>{html.escape(as_text(title))}</title>\n<style>{STYLE.read_text(encoding='utf-8')}</style>\n</head>\n"
         f'<body>\n{body}\n<script type="application/json" id="metrics">{text}</script>\n'
         "</body>\n</html>\n"
     )
@@ -53,7 +54,7 @@ def draw_figures(
         svg = picture.svg()
         (folder / f"{picture.name}.svg").write_text(standalone(svg), encoding="utf-8")
         figures.append(
-            f"<figure>{svg}<figcaption><b>{html.escape(picture.title)}.</b> "
-            f"{html.escape(picture.caption)}</figcaption></figure>\n"
+            f"<figure>{svg}<figcaption><b>{as_html(picture.title)}.</b> "
+            f"{as_html(picture.caption)}</figcaption></figure>\n"
         )
     return "".join(figures)

@@ -14,9 +14,10 @@ if TYPE_CHECKING:
     from cacc_platoon.analysis.age import LinkReception
     from cacc_platoon.analysis.analyse import Report
     from cacc_platoon.analysis.consistency import Consistency
+    from cacc_platoon.analysis.follower_verdict import FollowerVerdict
     from cacc_platoon.analysis.metrics import Metrics
     from cacc_platoon.analysis.noise import LinkNoise
-    from cacc_platoon.analysis.verdict import FollowerVerdict, Verdict
+    from cacc_platoon.analysis.verdict import Verdict
 
 FORMAT = Format("metrics.json", 2)
 
@@ -205,6 +206,12 @@ def _ensemble(report: Report) -> dict[str, Any] | None:
         "seed": report.run.trajectory.scenario.run.seed,
         "max_abs_mean_minus_expectation": float(np.max(deviation)),
         "max_standard_errors_from_expectation": float(np.max(deviation / errors)),
+        "agreement": report.agreement
+        and {
+            "level": report.agreement.level,
+            "compared": report.agreement.bound.size,
+            "largest_share_of_bound": report.agreement.largest_share,
+        },
         "max_abs_spacing_error": {
             "mean": peaks.mean(axis=0),
             "min": peaks.min(axis=0),
@@ -230,6 +237,7 @@ def verdict_document(verdict: Verdict) -> dict[str, Any]:
         "loop": weakest.loop,
         "l2_gain": weakest.l2_gain,
         "peak_frequency": weakest.peak_frequency,
+        "margins": {"C": weakest.margins[0], "margin": weakest.margins[1]},
         "linf_gain": verdict.linf_gain,
         "linf_basis": verdict.bases.linf,
         "sure_gain": verdict.sure_gain,
@@ -239,6 +247,7 @@ def verdict_document(verdict: Verdict) -> dict[str, Any]:
         "end_to_end_gain": verdict.end_to_end_gain,
         "weakest_follower": weakest.follower,
         "reason": weakest.reason,
+        "remedy": weakest.remedy,
         "equal_links": verdict.equal_links,
         "per_follower": [_follower(one) for one in verdict.followers],
     }

@@ -6,6 +6,7 @@ import html
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+from cacc_platoon.notation import as_html, as_text
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.names import vehicle_name
 from cacc_platoon.scenario.table import TABLE
@@ -127,7 +128,7 @@ def scenario_table(scenario: Scenario) -> str:
                 _parameter(f"{vehicle_name(index)}: {name}", value, TABLE[name].unit, "own value")
             )
     heads = [_heading(text, left=True) for text in ("parameter", "value", "unit", "meaning")]
-    return _table(heads, rows)
+    return _table(heads, rows, kind="words")
 
 
 def text_table(heads: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
@@ -138,8 +139,8 @@ def text_table(heads: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
 
 def _words(head: str, item: object) -> str:
     """Return a cell that knows its heading, for screens too narrow to show it above."""
-    label = f' data-head="{html.escape(head)}: "' if head else ""
-    return f'<td class="text"{label}>{html.escape(str(item))}</td>'
+    label = f' data-head="{html.escape(as_text(head))}: "' if head else ""
+    return f'<td class="text"{label}>{as_html(str(item))}</td>'
 
 
 def fact_table(facts: Sequence[tuple[str, object]]) -> str:
@@ -148,23 +149,22 @@ def fact_table(facts: Sequence[tuple[str, object]]) -> str:
         f'<td class="text">{html.escape(name)}</td><td class="code">{html.escape(str(value))}</td>'
         for name, value in facts
     ]
-    return _table([], rows)
+    return _table([], rows, kind="words")
 
 
 def _parameter(name: str, value: object, unit: str, meaning: str) -> str:
     items = value if isinstance(value, tuple) else (value,)
     words = [f"{item:g}" if isinstance(item, float) else str(item) for item in items]
     shown = ", ".join(words) if words else "none"
-    text = (html.escape(part) for part in (name, shown, unit, meaning))
-    return "".join(
-        f'<td class="{kind}">{t}</td>'
-        for kind, t in zip(("text", "code", "text", "text"), text, strict=True)
+    return (
+        f'<td class="text">{html.escape(name)}</td><td class="code">{html.escape(shown)}</td>'
+        f"{_words('unit', unit)}{_words('', meaning)}"
     )
 
 
 def _heading(text: str, unit: str = "", *, left: bool = False) -> str:
-    small = f"<small>[{html.escape(unit)}]</small>" if unit else ""
-    return f"<th{' class=text' if left else ''}>{html.escape(text)}{small}</th>"
+    small = f"<small>[{as_html(unit)}]</small>" if unit else ""
+    return f"<th{' class=text' if left else ''}>{as_html(text)}{small}</th>"
 
 
 def _table(heads: Sequence[str], rows: Sequence[str], kind: str = "") -> str:

@@ -11,6 +11,7 @@ from cacc_platoon.theory.noise_interval import effective_interval
 
 if TYPE_CHECKING:
     from cacc_platoon.analysis.analyse import Report
+    from cacc_platoon.analysis.follower_verdict import FollowerVerdict
     from cacc_platoon.analysis.verdict import Verdict
 
 _WHOLE, _HEAD = 25, 8  # longer tables are cut down to so many rows at both ends
@@ -20,7 +21,7 @@ def summary(report: Report, metrics: dict[str, Any]) -> str:
     """Return the lines that `platoon run` and `platoon report` print."""
     scenario = report.run.trajectory.scenario
     lines = [
-        f"{report.headline}: {scenario.name}, {scenario.platoon.followers} followers, "
+        f"{report.headline}: {scenario.name}, {counted(scenario.platoon.followers)}, "
         f"{report.measured.duration:g} s",
         *_verdict_lines(report),
         *_data_lines(report),
@@ -33,6 +34,19 @@ def summary(report: Report, metrics: dict[str, Any]) -> str:
         lines += ["", f"found in the bag ({len(report.run.findings)}):"]
         lines += [f"  - {finding}" for finding in report.run.findings]
     return "\n".join(lines)
+
+
+def counted(followers: int, before: str = "") -> str:
+    """Return a number of followers in words, `before` which of them.
+
+    Examples
+    --------
+    >>> counted(12, "the first"), counted(1, "the first"), counted(1)
+    ('the first 12 followers', 'the first follower', '1 follower')
+    """
+    if followers == 1:
+        return f"{before or 1} follower"
+    return f"{before} {followers} followers".strip()
 
 
 def _verdict_lines(report: Report) -> list[str]:
@@ -55,6 +69,7 @@ def _verdict_lines(report: Report) -> list[str]:
         f"  exact test, every lag tau <= {own.tau_max:g} s and every {share}k_a E[w] in "
         f"[{low:.4g}, {high:.4g}]{whose}: {passed}",
         f"  sup|H| = {weakest.l2_gain:.9g} (L2, in the mean){weakest.of_loop}{which}",
+        *_margin_lines(weakest),
         f"  peaks of a_i grow per hop by a factor of {verdict.sure_gain:.6g} at most whatever the "
         f"noise does, {verdict.linf_gain:.6g} in the mean{_linf_of(report)}",
         *_mean_square_line(verdict),
@@ -64,6 +79,17 @@ def _verdict_lines(report: Report) -> list[str]:
     lines += [f"  packet loss: {basis.text}" for basis in verdict.bases.losses]
     lines += [f"  VOID for this run: {reason}" for reason in verdict.void]
     return lines
+
+
+def _margin_lines(weakest: FollowerVerdict) -> list[str]:
+    """Say how far it is to growth, which sup|H| = 1 does not, and what would mend a failure."""
+    C, margin = weakest.margins
+    lines = [
+        f"  margins{weakest.of_loop}, least over I at tau0: C = {C:.4g} 1/s^2, "
+        f"B + 2 tau0 sqrt(C) = {margin:.4g} (both >= 0: sup|H| = 1)"
+    ]
+    found = lines if weakest.internally_stable else []
+    return [*found, f"  remedy: {weakest.remedy}"] if weakest.remedy else found
 
 
 def _mean_square_line(verdict: Verdict) -> list[str]:

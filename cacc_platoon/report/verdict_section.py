@@ -7,15 +7,17 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
+from cacc_platoon.analysis.follower_verdict import WITHOUT_LOSS
 from cacc_platoon.analysis.metrics import describe_growth
-from cacc_platoon.analysis.verdict import WITHOUT_LOSS
+from cacc_platoon.notation import as_html
 from cacc_platoon.report.tables import cell, text_table
-from cacc_platoon.simulation import chance_deviation
+from cacc_platoon.report.terminal import counted
 
 if TYPE_CHECKING:
     from cacc_platoon.analysis.analyse import Report
     from cacc_platoon.analysis.consistency import Consistency
-    from cacc_platoon.analysis.verdict import FollowerVerdict, Verdict
+    from cacc_platoon.analysis.follower_verdict import FollowerVerdict
+    from cacc_platoon.analysis.verdict import Verdict
 
 
 def verdict_section(report: Report, metrics: dict[str, Any]) -> str:
@@ -23,23 +25,24 @@ def verdict_section(report: Report, metrics: dict[str, Any]) -> str:
     verdict = report.verdict
     scenario = report.run.trajectory.scenario
     kind, sign = ("good", "&#10003;") if report.proven else ("bad", "&#10007;")
-    lines = [f"<p>{html.escape(_meaning(report))}</p>"]
-    lines.append(f"<p><b>Data:</b> {html.escape(report.standing.line)}.</p>")
-    lines += [f"<p><b>Not checked:</b> {html.escape(w)}.</p>" for w in report.standing.unchecked]
+    lines = [f"<p>{as_html(_meaning(report))}</p>"]
+    lines.append(f"<p><b>Data:</b> {as_html(report.standing.line)}.</p>")
+    lines += [f"<p><b>Not checked:</b> {as_html(w)}.</p>" for w in report.standing.unchecked]
     if collided := report.measured.first_collision:
         lines.append(
             f"<p><b>Collision</b> of vehicle {collided[0]} with the one ahead at "
             f"{collided[1]:g} s.</p>"
         )
-    lines += [f"<p><b>Void for this run:</b> {html.escape(why)}.</p>" for why in verdict.void]
+    lines += [f"<p><b>Void for this run:</b> {as_html(why)}.</p>" for why in verdict.void]
     return (
-        f'<header class="verdict {kind}"><h1>{sign} {html.escape(report.headline.capitalize())}'
-        f"</h1><p><b>{html.escape(scenario.name)}</b>: {scenario.platoon.followers} followers, "
+        f'<header class="verdict {kind}"><h1>{sign} {as_html(report.headline.capitalize())}'
+        f"</h1><p><b>{html.escape(scenario.name)}</b>: {counted(scenario.platoon.followers)}, "
         f"{report.measured.duration:g} s, seed {scenario.run.seed}</p>{''.join(lines)}</header>\n"
         f"{_guarantee_section(verdict)}"
         f"<h2>What the verdict rests on</h2>{_basis_table(report, metrics)}"
-        "<p>The verdict is a theorem about the run's parameters. No ordering of errors in one "
-        "noisy run, nor in a hundred, proves or disproves string stability.</p>\n"
+        "<p>The verdict follows from the run's parameters, by theorems where its basis names no "
+        "number of lags. No ordering of errors in one noisy run, nor in a hundred, proves or "
+        "disproves string stability.</p>\n"
         f"<h2>What happened</h2>{_outcome_table(metrics)}"
     )
 
@@ -50,16 +53,17 @@ def _guarantee_section(verdict: Verdict) -> str:
     if not rows:
         return ""
     whose = "" if verdict.equal_links else f", by vehicle {verdict.weakest.follower}, the weakest"
+    lost = " and any packets lost" if verdict.bases.losses else ""
     heads = ("signal", "in the mean", "in the mean square", "whatever the noise does")
     note = (
         "For every lag up to tau0, in continuous time but for the mean square, which is of the "
         "sampled loop. In the mean: expectations, with every E[w] the SNR permits. In the mean "
         "square: the energy that the noise of this scenario adds, independent between links. "
-        "Whatever the noise does: every run, with w anywhere within the SNR at every instant. "
-        "Where links have unequal E[w_i], one run's means over long holds of w included, spacing "
-        "errors may grow although accelerations do not."
+        "Whatever the noise does: every run, with w anywhere within the SNR at every instant"
+        f"{lost}. Where links have unequal E[w_i], one run's means over long holds of w included, "
+        "spacing errors may grow although accelerations do not."
     )
-    return f"<h2>What is guaranteed{whose}</h2>{text_table(heads, rows)}<p>{note}</p>\n"
+    return f"<h2>What is guaranteed{whose}</h2>{text_table(heads, rows)}<p>{as_html(note)}</p>\n"
 
 
 def findings_section(report: Report) -> str:
@@ -67,7 +71,7 @@ def findings_section(report: Report) -> str:
     found = report.run.findings
     if not found:
         return ""
-    items = "".join(f"<li>{html.escape(line)}</li>" for line in found)
+    items = "".join(f"<li>{as_html(line)}</li>" for line in found)
     return (
         f'<div class="note"><b>Found in the bag ({len(found)}).</b> Samples that are missing or '
         f"not finite are left out of every number.<ul>{items}</ul></div>\n"
@@ -79,7 +83,10 @@ def _meaning(report: Report) -> str:
     weakest = verdict.weakest
     peaks = report.expected.max_abs_spacing_error
     course = (
-        f"In the expectation run{report.left_out} the largest spacing error is "
+        f"In the expectation run{report.left_out} the spacing error of the only follower is at "
+        f"most {peaks[0]:.6f} m."
+        if len(peaks) == 1
+        else f"In the expectation run{report.left_out} the largest spacing error is "
         f"{describe_growth(peaks)} along the platoon, {peaks[0]:.6f} m at the first follower and "
         f"{peaks[-1]:.6f} m at the last."
     )
@@ -93,14 +100,14 @@ def _meaning(report: Report) -> str:
         slow = any(one.loop == WITHOUT_LOSS and not one.sampled for one in verdict.followers)
         subject = "Sampled fast enough, " if slow else ""
         said = f"{subject}{verdict.guarantee}{mean}"
-        gain = f"sup|H| = {weakest.l2_gain:.9g}{weakest.of_loop}"
-        return f"{said[0].upper()}{said[1:]}: {gain}. {course}"
+        return f"{said[0].upper()}{said[1:]}: {weakest.gain}. {course}"
     if verdict.undecided:
         return f"The gains cannot be certified: {weakest.reason} {course}"
     who = "" if verdict.equal_links else f"vehicle {weakest.follower}, "
     return (
         f"Disturbances may grow from vehicle to vehicle{mean}: {who}{weakest.reason}; sup|H| = "
-        f"{weakest.l2_gain:.9g} at {weakest.peak_frequency:.6g} rad/s{weakest.of_loop}. {course}"
+        f"{weakest.l2_gain:.9g} at {weakest.peak_frequency:.6g} rad/s{weakest.of_loop}. "
+        f"{weakest.remedy}. {course}"
     )
 
 
@@ -120,7 +127,8 @@ def _certificate_rows(report: Report) -> Iterator[tuple[str, str, str]]:
     yield (
         "Sampled at the control period",
         _answer(all(one.sampled for one in verdict.followers), unknown),
-        f"exact test (L2) of {loops}, at {report.run.grid.step / 1e9:g} s",
+        f"exact test (L2) of {loops}, at {report.run.grid.step / 1e9:g} s; at 17 lags up to tau0 "
+        "and without lag",
     )
     for loss in bases.losses:
         concerned = [one for one in verdict.followers if one.follower in loss.followers]
@@ -132,7 +140,7 @@ def _certificate_rows(report: Report) -> Iterator[tuple[str, str, str]]:
     if not verdict.equal_links:
         yield (
             "Unequal followers",
-            f"vehicle {verdict.weakest.follower} is the weakest",
+            f"none is weaker than vehicle {verdict.weakest.follower}",
             "certified link by link on a_i = H_i a_{i-1}; delta_i = H delta_{i-1} needs equal "
             "followers",
         )
@@ -144,8 +152,7 @@ def _certificate_rows(report: Report) -> Iterator[tuple[str, str, str]]:
             f"{braking.gap:.2f} m" + (": collision" if braking.gap <= 0 else ""),
             f"in the mean{kept}, from the equilibrium spacing: the leader brakes "
             "whenever it hurts most, not only once; least of both ends of I, of "
-            "the lags tau0, tau0/2 and tau0/10, and of "
-            f"the first {braking.vehicles} followers",
+            "the lags tau0, tau0/2 and tau0/10, and of " + counted(braking.vehicles, "the first"),
         )
 
 
@@ -162,10 +169,13 @@ def _data_rows(report: Report, metrics: dict[str, Any]) -> Iterator[tuple[str, s
     )
     sent = any(link.samples for link in links)
     kept = "kept" if sent else "nothing was sent"
+    of_what = "at every sample of every link"
+    if verdict.bases.losses:
+        of_what = "of every packet that arrived"
     yield (
         "Channel assumption",
         "broken" if any(link.breaches for link in links) else kept,
-        "1 - 1/rho <= w <= 1 + 1/rho at every sample of every link, checked in the data",
+        f"1 - 1/rho <= w <= 1 + 1/rho {of_what}, checked in the data",
     )
     for (question, basis), found in zip(_RECOMPUTED, report.recomputed, strict=True):
         left_out = f"; not compared: {found.unknown}" if found.unknown else ""
@@ -213,20 +223,25 @@ def _realised_with_loss(verdict: Verdict) -> str:
 
 
 def _agreement(ensemble: dict[str, Any]) -> tuple[str, str]:
-    """Say whether the mean of noisy runs is the expectation run, and by which measure."""
-    runs, away = ensemble["runs"], ensemble["max_standard_errors_from_expectation"]
-    basis = f"{runs} simulated runs against the expectation run at every vehicle and time"
-    if away is None:
+    """Say whether the mean of noisy runs is the expectation run, and by which test."""
+    runs, apart = ensemble["runs"], ensemble["max_abs_mean_minus_expectation"]
+    basis = f"the mean of delta_i over {runs} simulated runs against the expectation run"
+    if apart is None:
         return "unknown, they overflow", basis
-    if not away:
-        apart = ensemble["max_abs_mean_minus_expectation"]
-        return "unknown, they have no spread", f"{basis}: {apart:.3g} m apart at most"
-    most = chance_deviation(runs)
-    basis += f"; chance explains up to {most:.3g} standard errors of a mean of {runs}"
-    if away <= most:
-        return f"agree within {away:.3g} standard errors", basis
-    more = "; an event too rare for so few runs looks like a difference: simulate with more --runs"
-    return f"do not agree, {away:.3g} standard errors apart", f"{basis}{more}"
+    basis += f", {apart:.3g} m apart at most"
+    if (test := ensemble["agreement"]) is None:
+        return "not tested", f"{basis}; there is no test with a stated level for this scenario"
+    share = test["largest_share_of_bound"]
+    if share is None:
+        return "unknown, they overflow", basis
+    basis += (
+        f", at all {test['compared']} pairs of vehicle and sample at once, against a bound that "
+        f"the mean of {runs} such runs leaves anywhere with a probability of at most "
+        f"{test['level']:g}: "
+        "Hoeffding's, for independent draws and w within the SNR, whatever their distribution"
+    )
+    reached = f"{100 * share:.3g} % of the bound reached"
+    return f"agrees, {reached}" if share <= 1.0 else f"does not agree, {reached}", basis
 
 
 def _outcome_table(metrics: dict[str, Any]) -> str:
@@ -245,7 +260,7 @@ def _outcome_table(metrics: dict[str, Any]) -> str:
         ("largest age of information", "s", "age.max", ".3f"),
     ]
     body = "".join(
-        f'<tr><td class="text">{name} [{unit}]</td>{cell(metrics, key, form)}</tr>'
+        f'<tr><td class="text">{name} [{as_html(unit)}]</td>{cell(metrics, key, form)}</tr>'
         for name, unit, key, form in rows
     )
     collided = metrics["first_collision"]

@@ -68,7 +68,9 @@ def paper_pictures(reports: Mapping[str, Report]) -> Iterator[Picture]:
     yield _errors(b, reports["B"])
     yield _region(c)
     yield _errors(c, reports["C"])
-    runs = {f"h_w = {case.time_headway:g} s": reports[case.name].run.trajectory for case in (a, c)}
+    runs = {
+        rf"$h_w$ = {case.time_headway:g} s": reports[case.name].run.trajectory for case in (a, c)
+    }
     yield Picture(
         "platoon_length",
         "Platoon length, cases A and C",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import json
 import textwrap
 from collections.abc import Sequence
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from cacc_platoon.errors import UserError
 from cacc_platoon.formats import Format
+from cacc_platoon.notation import as_html
 from cacc_platoon.report.html_page import draw_figures, html_page
 from cacc_platoon.report.metrics_json import metrics_document, plain_values
 from cacc_platoon.report.tables import text_table
@@ -152,10 +152,10 @@ def _page(result: Reproduction, figures: str) -> str:
     ]
     return html_page(
         result.headline,
-        f'<header class="verdict {kind}"><h1>{sign} {html.escape(result.headline)}</h1>'
-        f"<p>{html.escape(result.journal_line)}.</p></header>"
+        f'<header class="verdict {kind}"><h1>{sign} {as_html(result.headline)}</h1>'
+        f"<p>{as_html(result.journal_line)}.</p></header>"
         f"<h2>Paper says, we measured</h2>{text_table(HEADS, _claim_cells(result.claims))}"
-        f"<h2>Journal version</h2><p>{html.escape(JOURNAL_NOTE)}</p>"
+        f"<h2>Journal version</h2><p>{as_html(JOURNAL_NOTE)}</p>"
         f"{text_table(HEADS, _claim_cells(result.journal))}"
         f"<h2>Where the paper slips</h2>{text_table(slip_heads, slips)}"
         f'<h2>Figures</h2><div class="grid">{figures}</div>'

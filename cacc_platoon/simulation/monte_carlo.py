@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from cacc_platoon.scenario import Scenario
+from cacc_platoon.simulation.draws import squared_ranges
 from cacc_platoon.simulation.links import links_of, plan_links
-from cacc_platoon.simulation.platoon import Progress, propagate
+from cacc_platoon.simulation.platoon import Progress, propagate, used_of
 from cacc_platoon.simulation.trajectory import Array, Trajectory
 
-BATCH_VALUES = 3_000_000
-"""Runs are integrated together up to so many states (samples x runs x vehicles): 100 MB or so."""
-
-NOT_BY_CHANCE = 5.0
-"""Standard deviations that the largest of many normal deviations, one a vehicle and time, keeps."""
+BATCH_VALUES = 2_000_000
+"""Runs are integrated together up to so many states (samples x runs x vehicles): 200 MB or so."""
 
 
 @dataclass(frozen=True)
@@ -31,6 +28,8 @@ class Ensemble:
         Spacing errors delta_i [m]: mean over the runs, its standard error, smallest and largest.
     max_abs_spacing_error : ndarray, shape (runs, N)
         max_t |delta_i| [m] of each run.
+    squared_ranges : ndarray, shape (samples, L)
+        Sum over the runs of `squared_ranges` of every link [m^2/s^4].
     """
 
     runs: int
@@ -39,6 +38,7 @@ class Ensemble:
     low: Array
     high: Array
     max_abs_spacing_error: Array
+    squared_ranges: Array
 
 
 def monte_carlo(scenario: Scenario, runs: int, progress: Progress | None = None) -> Ensemble:
@@ -53,11 +53,13 @@ def monte_carlo(scenario: Scenario, runs: int, progress: Progress | None = None)
     peaks: list[Array] = []
     shape = (scenario.samples, scenario.platoon.followers)
     total, squares = np.zeros(shape), np.zeros(shape)
+    ranges = np.zeros((scenario.samples, len(scenario.receivers)))
     low, high = np.full(shape, np.inf), np.full(shape, -np.inf)
     batch = max(1, BATCH_VALUES // (scenario.samples * (scenario.platoon.followers + 1)))
     for start in range(0, runs, batch):
         seeds = range(start, min(start + batch, runs))
-        errors = _spacing_errors(scenario, seeds)
+        errors, widths = _batch(scenario, seeds)
+        ranges += widths
         peaks.append(np.abs(errors).max(axis=0))
         total += errors.sum(axis=1)
         squares += (errors**2).sum(axis=1)
@@ -67,33 +69,18 @@ def monte_carlo(scenario: Scenario, runs: int, progress: Progress | None = None)
             progress(seeds.stop, runs)
     mean = total / runs
     variance = np.maximum(squares / runs - mean**2, 0.0) * runs / max(runs - 1, 1)
-    return Ensemble(runs, mean, np.sqrt(variance / runs), low, high, np.concatenate(peaks))
+    return Ensemble(runs, mean, np.sqrt(variance / runs), low, high, np.concatenate(peaks), ranges)
 
 
-def chance_deviation(runs: int) -> float:
-    """Return the standard errors by which a mean of so many runs may be off by chance.
-
-    A standard error from few runs is itself uncertain: the bound is the quantile of Student's
-    distribution that is as improbable as `NOT_BY_CHANCE` normal standard deviations, by Wallace's
-    approximation.
-
-    Examples
-    --------
-    >>> [round(chance_deviation(runs), 1) for runs in (10, 20, 400)]
-    [12.6, 7.4, 5.1]
-    """
-    freedom = max(runs - 1, 1)
-    z = NOT_BY_CHANCE * (8 * freedom + 3) / (8 * freedom + 1)
-    return math.sqrt(freedom * math.expm1(z * z / freedom))
-
-
-def _spacing_errors(scenario: Scenario, seeds: range) -> Array:
-    """Return the spacing errors of a batch, shape (samples, len(seeds), N)."""
+def _batch(scenario: Scenario, seeds: range) -> tuple[Array, Array]:
+    """Return the spacing errors of a batch, (samples, len(seeds), N), and its squared ranges."""
     first = scenario.run.seed
     members = [scenario.with_values({"run.seed": first + offset}) for offset in seeds]
-    states = propagate(
-        scenario, links_of(scenario, [plan_links(one) for one in members]), runs=len(seeds)
-    )
+    links = links_of(scenario, [plan_links(one) for one in members])
+    states = propagate(scenario, links, runs=len(seeds))
+    sent = states[2][:, :, scenario.topology.senders]
+    widths = squared_ranges(scenario, sent, used_of(links, states[2]))
     position, velocity, acceleration = (part.reshape(-1, part.shape[-1]) for part in states)
     trajectory = Trajectory(scenario, position, velocity, acceleration, received=np.empty((0, 0)))
-    return trajectory.spacing_error.reshape(-1, len(seeds), scenario.platoon.followers)
+    errors = trajectory.spacing_error.reshape(-1, len(seeds), scenario.platoon.followers)
+    return errors, widths.sum(axis=1)

@@ -82,7 +82,7 @@ def simulate(
         sent = zip(plans, scenario.topology.senders, strict=True)
         arrivals = tuple(plan.arrivals(acceleration[:, sender]) for plan, sender in sent)
     return Trajectory(
-        scenario, position, velocity, acceleration, _received(links, states[2])[:, 0], arrivals
+        scenario, position, velocity, acceleration, used_of(links, states[2])[:, 0], arrivals
     )
 
 
@@ -101,12 +101,12 @@ def simulate_mean(scenario: Scenario) -> Trajectory:
     links = MeanLinks(scenario)
     states = propagate(scenario, links, law=Follower.spacing_policy)  # no code of the user's
     position, velocity, acceleration = (np.ascontiguousarray(part[:, 0]) for part in states)
-    received = _received(MeanLinks(scenario), states[2])[:, 0]
+    received = used_of(MeanLinks(scenario), states[2])[:, 0]
     return Trajectory(scenario, position, velocity, acceleration, received)
 
 
 @np.errstate(all="ignore")
-def _received(links: Links, acceleration: Array) -> Array:
+def used_of(links: Links, acceleration: Array) -> Array:
     """Return what was used of every link at every sample, shape (samples, runs, L)."""
     return np.stack([links.received(k, acceleration) for k in range(len(acceleration))])
 

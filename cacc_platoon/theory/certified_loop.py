@@ -1,4 +1,7 @@
-"""The loop that a certificate is about: a design, its noise and lag, and how packets come."""
+"""The loop that a certificate is about: a design, its noise and lag, and how packets come.
+
+The symbols are those of docs/theory.md, section 1 (Setting).
+"""
 
 from __future__ import annotations
 

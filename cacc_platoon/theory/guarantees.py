@@ -64,7 +64,8 @@ def guarantees(certificate: Certificate, *, equal_links: bool = True) -> tuple[G
     peaks of a_i | grow by a factor of at most 1.04 per hop (no lag above 1.05)
     """
     stable = certificate.string_stable
-    gain = f"sup|H| = {certificate.l2_gain:.7g}"
+    of_loop = _left_out(certificate)
+    gain = f"sup|H| = {certificate.l2_gain:.7g}{of_loop}"
     return (
         Guarantee(
             "energy of a_i",
@@ -74,19 +75,28 @@ def guarantees(certificate: Certificate, *, equal_links: bool = True) -> tuple[G
         ),
         Guarantee(
             "peaks of a_i",
-            _known(lambda: _peaks(certificate.worst_linf_gain)),
+            _known(lambda: _peaks(certificate.worst_linf_gain)) + of_loop,
             NONE,
             _known(lambda: _peaks(certificate.worst_sure_gain)),
         ),
         Guarantee("energy of delta_i", _error_energy(certificate, equal=equal_links), NONE, NONE),
         Guarantee(
             "peaks of delta_i",
-            f"at most {certificate.leader_error_norm:.4g} |a_0|_2" if stable else NONE,
+            f"at most {certificate.leader_error_norm:.4g} s^1.5 |a_0|_2{of_loop}"
+            if stable
+            else NONE,
             NONE,
             _known(lambda: _error_peaks(certificate)),
         ),
         Guarantee("a_i, noise that never changes", NONE, _frozen(certificate), NONE),
     )
+
+
+def _left_out(certificate: Certificate) -> str:
+    """Say what the gains of the mean loop, which is in continuous time, leave out."""
+    losses = ["losses"] if certificate.held < 1.0 else []
+    parts = [*losses, *(["latency"] if certificate.latency else [])]
+    return f", of the loop without {' and '.join(parts)}" if parts else ""
 
 
 def _known(say: Callable[[], str]) -> str:
@@ -104,7 +114,7 @@ def _mean_square(certificate: Certificate) -> str:
     if math.isnan(index):
         return "not known: packets are lost or late, or the noise is as good as frozen"
     if index >= 1.0:
-        return f"grows from vehicle to vehicle: {given}"
+        return f"grows from vehicle to vehicle at some lag: {given}"
     if index == 0.0:
         return "no noise is given"
     if noise.redraw_period > 1.5 * certificate.period:
@@ -141,7 +151,8 @@ def _error_energy(certificate: Certificate, *, equal: bool) -> str:
         return "may grow"
     if equal:
         return "does not grow from the second vehicle on"
-    return f"may grow; at most {certificate.leader_error_gain:.4g} s^2 |a_0|_2"
+    most = f"may grow; at most {certificate.leader_error_gain:.4g} s^2 |a_0|_2"
+    return most + _left_out(certificate)
 
 
 def _error_peaks(certificate: Certificate) -> str:

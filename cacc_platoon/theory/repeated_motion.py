@@ -76,8 +76,8 @@ def _control_step(
     (lag, k, c), (h, _, k_v, k_p) = motion, gains
     T = np.asarray(period)
     a1, a2, a3 = (x * period**n for n, x in enumerate(hold_integrals(lag, T), start=1))
-    apart = np.asarray(1.0 - c)
-    command = {_X: -k_p * apart, _V: -k_v * apart - k_p * h, _A: -1.0, _HEARD: k}
+    apart: Complex = np.subtract(1.0, c)
+    command = {_X: -k_p * apart, _V: -k_v * apart - k_p * h, _A: -np.ones_like(lag), _HEARD: k}
     step = np.zeros((*c.shape, size, size), dtype=np.complex128)
     for row, share in ((_X, a3), (_V, a2), (_A, a1)):
         for column, gain in command.items():

@@ -81,7 +81,7 @@ def test_noise_beyond_the_channel_may_grow_in_the_mean_square_where_the_mean_is_
     wild = NoiseStatistics(1.0, 400.0, 0.01)
     rows = guarantees(certify(Gains(0.95, 0.5, 0.63, 0.009), 5.0, 0.5, noise=wild))
     assert rows[0].mean == "does not grow: sup|H| = 1"
-    assert rows[0].mean_square.startswith("grows from vehicle to vehicle: c_T = ")
+    assert rows[0].mean_square.startswith("grows from vehicle to vehicle at some lag: c_T = ")
     assert rows[-1].mean_square.startswith("E|a_i(jw)|^2 may grow: margin -")
 
 
@@ -107,3 +107,23 @@ def test_what_a_scan_found_is_not_said_of_lags_that_it_did_not_try():
     for text in (ringing[1].mean, ringing[1].sure, ringing[3].sure):
         assert "inf" not in text
         assert text.endswith("the loop rings too long for a bound")
+
+
+def test_the_bound_of_unequal_errors_is_that_of_the_worst_vehicle_everywhere():
+    """Vehicle 3 has the larger gain from a to delta, vehicle 1 the least margin."""
+    unequal = {"vehicle_3.controller.k_v": 0.632}
+    verdict = judge(Scenario.from_values({"platoon.followers": 3}).with_values(unequal))
+    gains = [one.certificate.leader_error_gain for one in verdict.followers if one.certificate]
+    assert verdict.weakest.follower == 1
+    assert gains[2] > 1.005 * gains[0]
+    largest = f"{max(gains):.4g} s^2 |a_0|_2"
+    assert verdict.guarantee.endswith(f"|delta_i|_2 <= {largest}")
+    assert verdict.guarantees[2].mean == f"may grow; at most {largest}"
+
+
+def test_the_bound_of_unequal_errors_is_of_the_loop_without_losses():
+    held = {"platoon.followers": 3, "v2v.loss": 0.1, "vehicle_3.v2v.loss": 0.2}
+    verdict = judge(Scenario.from_values({"platoon.followers": 3}).with_values(held))
+    assert verdict.string_stable
+    assert verdict.guarantee.endswith("|a_0|_2, of the loop without losses")
+    assert verdict.guarantees[2].mean.endswith("|a_0|_2, of the loop without losses")

@@ -200,7 +200,8 @@ def test_whose_gains_are_of_the_loop_without_loss_is_said():
     verdict = judge(lossy(0.1, **mixed))
     assert [one.loop for one in verdict.followers] == ["without loss", "as judged", "as judged"]
     document = verdict_document(verdict)
-    assert document["loop"] == document["per_follower"][0]["loop"] == "without loss"
+    assert document["per_follower"][0]["loop"] == "without loss"
+    assert (document["weakest_follower"], document["loop"]) == (2, "as judged")
     for basis in (document["paper"]["basis"], document["linf_basis"]):
         assert "of the loop without loss at vehicle 1" in basis
     zero = verdict_document(judge(lossy(0.1, "zero", **damped)))

@@ -1,6 +1,7 @@
 """The verdict is a theorem: right for the published cases, deaf to the noise of one run."""
 
 import dataclasses
+import re
 
 import numpy as np
 import pytest
@@ -201,3 +202,34 @@ def test_a_follower_that_fails_outweighs_one_that_is_undecided():
     assert verdict.weakest.follower == 4
     assert np.isnan(verdict.linf_gain)
     assert "vehicle 4" in warning_of(scenario)
+
+
+def test_the_weakest_of_stable_followers_has_the_least_margin():
+    """sup|H| is 1 of each; vehicle 2 is next to the edge."""
+    near = {"vehicle_2.controller.k_v": 0.6305, "vehicle_3.controller.k_v": 0.632}
+    verdict = judge(Scenario.from_values({"platoon.followers": 4}).with_values(near))
+    assert [one.l2_gain for one in verdict.followers] == [1.0] * 4
+    least = [min(one.margins) for one in verdict.followers]
+    assert verdict.weakest.follower == 1 + least.index(min(least))
+    assert least[1] != least[0]
+    C, margin = verdict.weakest.margins
+    assert (
+        f"margins C = {C:.4g} 1/s^2 and B + 2 tau0 sqrt(C) = {margin:.4g}" in verdict.weakest.gain
+    )
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"controller.time_headway": 0.65},
+        {"controller.k_a": 0.9},
+        {"controller.k_v": 0.3},
+        {"controller.k_v": 2.0},
+        {"v2v.loss": 0.99, "v2v.reception": "hold"},
+        {"v2v.loss": 0.3, "v2v.reception": "zero"},
+    ],
+)
+def test_every_failure_has_a_remedy(settings):
+    verdict = judge(Scenario.from_values({"platoon.followers": 2, **settings}))
+    assert not verdict.string_stable
+    assert re.match(r"(Raise|Lower|Lose|Give) ", verdict.weakest.remedy)

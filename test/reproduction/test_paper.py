@@ -2,12 +2,14 @@
 
 import dataclasses
 import json
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from cacc_platoon.cli import main
+from cacc_platoon.notation import as_html
 from cacc_platoon.reproduction.cases import CASES, case_scenario
 from cacc_platoon.reproduction.mean_claims import ensemble_claims
 from cacc_platoon.reproduction.paper_page import summary, write_reproduction
@@ -129,16 +131,26 @@ def test_page_and_figures(reports, tmp_path):
     assert "http" not in page
     document = json.loads((tmp_path / "paper.json").read_text())
     assert document["agrees"] is True
+    shown = page[: page.index("<script")]  # what follows is paper.json once more
     for claim in document["claims"]:
-        assert claim["what"].replace("|", "|") in page.replace("&#x27;", "'")
+        assert f">{as_html(claim['what'])}</td>" in shown
     assert document["journal"]["doi"] in page
     assert len(document["journal"]["claims"]) == 6
-    assert len(document["slips"]) == page.count('<td class="text">yes</td>') - sum(
+    assert len(document["slips"]) == shown.count('class="text">yes</td>') - sum(
         claim["agrees"] is True for claim in document["claims"] + document["journal"]["claims"]
     )
-    assert page.count('<td class="text">question</td>') == 1
-    for fact in ("paper says", "we measured", "1.001163718", "0.872677996", "0.656130590"):
-        assert fact in page
+    assert shown.count('class="text">question</td>') == 1
+    for fact in (
+        "paper says",
+        "we measured",
+        "1.001163718",
+        "0.872677996",
+        "0.656130590",
+        "|H(jω; τ<sub>0</sub>)|",
+    ):
+        assert fact in shown
+    words = re.sub(r"<(svg|style).*?</\1>", "", shown, flags=re.DOTALL)
+    assert not re.search(r"tau_?0|\brho\b|<=|&lt;=|\bjw\b|\^\d", words)
 
 
 def test_noisy_runs_need_not_be_monotone(reports):

@@ -1,0 +1,68 @@
+"""How far one draw of a link's noise and loss can move what its follower receives."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cacc_platoon.scenario import Follower, Scenario
+from cacc_platoon.simulation.links import mean_factor
+from cacc_platoon.simulation.trajectory import Array
+
+
+def draws_are_fresh(scenario: Scenario) -> bool:
+    """Return whether each draw is independent of what its follower used before it.
+
+    It is not where noise is held over several samples and lost packets are replaced by the last
+    one: a factor is then used before and after a loss.
+    """
+    return not any(
+        follower.v2v.loss and follower.v2v.reception == "hold" and _drawn_for(follower) > 1
+        for follower in scenario.followers
+    )
+
+
+def squared_ranges(scenario: Scenario, sent: Array, received: Array) -> Array:
+    """Return the squared width of the interval that a draw leaves open [m^2/s^4].
+
+    Parameters
+    ----------
+    scenario : Scenario
+        Whose channels they are.
+    sent, received : ndarray, shape (samples, ..., L)
+        Acceleration of the senders, and what was used of it.
+
+    Returns
+    -------
+    ndarray, shape (samples, ..., L)
+        A draw that is held for n samples counts n times at each: by the inequality of Cauchy and
+        Schwarz their sum is no less than the square of what all of them do together.
+
+    Examples
+    --------
+    >>> scenario = Scenario.from_values({"platoon.followers": 1, "v2v.rho": 5.0})
+    >>> round(float(squared_ranges(scenario, np.ones((1, 1)), np.ones((1, 1)))[0, 0]), 12)
+    0.16
+    """
+    followers = scenario.receivers
+    low, high = np.array([_factors(follower) for follower in followers]).T
+    loses = np.array([follower.v2v.loss > 0.0 for follower in followers])
+    holds = np.array([follower.v2v.reception == "hold" for follower in followers])
+    before = np.zeros_like(received)
+    before[1:] = received[:-1]
+    other = np.where(loses, np.where(holds, before, 0.0), low * sent)
+    both = np.stack((low * sent, high * sent, other))
+    held = np.array([_drawn_for(follower) for follower in followers])
+    widths: Array = held * np.square(both.max(axis=0) - both.min(axis=0))
+    return widths
+
+
+def _factors(follower: Follower) -> tuple[float, float]:
+    """Return the least and the largest w of a link."""
+    if follower.v2v.noise != "bits":
+        return (mean_factor(follower),) * 2
+    return 1.0 - 1.0 / follower.v2v.rho, 1.0 + 1.0 / follower.v2v.rho
+
+
+def _drawn_for(follower: Follower) -> int:
+    """Return for how many samples a draw of the noise is held."""
+    return follower.hold_steps if follower.v2v.noise == "bits" else 1
