@@ -140,13 +140,14 @@ def lifted_growth(
     *,
     age: int = 0,
     held: float = 1.0,
+    count: int = 300,
 ) -> float:
-    """Largest eigenvalue of the hop over 300 angles when a packet comes every `interval` periods.
+    """Largest eigenvalue of the hop over angles when a packet comes every `interval` periods.
 
     All `interval` frequencies that mix are kept, and the plant's own response is used.
     """
     lowest = 1e-2 * min(gains.k_p / gains.k_v, np.sqrt(gains.k_p)) * period * interval
-    angle = np.geomspace(min(lowest, 1e-2), np.pi, 300)
+    angle = np.geomspace(min(lowest, 1e-2), np.pi, count)
     turn = (angle[:, np.newaxis] + 2.0 * np.pi * np.arange(interval)) / interval
     silent = response(gains, tau, 0.0, period, turn / period)
     heard = response(gains, tau, k_effective, period, turn / period) - silent

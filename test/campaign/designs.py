@@ -16,7 +16,7 @@ import numpy as np
 
 from cacc_platoon.design import Requirements, recommend
 from cacc_platoon.model import Gains
-from cacc_platoon.simulation.brute_force import largest_growth, norm_ratios
+from cacc_platoon.simulation.brute_force import largest_growth, lifted_growth, norm_ratios
 from cacc_platoon.theory import DesignError
 
 LAGS = np.array([1e-3, 0.05, 0.2, 0.4, 0.6, 0.8, 1.0])
@@ -30,13 +30,15 @@ def question(seed: int, number: int) -> Question:
     """Return signal-to-noise ratio, largest lag and requirements number `number` of a seed."""
     rng = random.Random(f"{seed}/{number}")
     tau_max = rng.choice((0.1, 0.3, 0.5, 0.8))
+    period = rng.choice((0.005, 0.01, 0.02, 0.05))
     ask = Requirements(
-        period=rng.choice((0.005, 0.01, 0.02, 0.05)),
+        period=period,
         latency=rng.choice((0.0, 0.0, rng.uniform(0.0, 0.2 * tau_max))),
         reception=rng.choice((1.0, 1.0, rng.uniform(0.3, 1.0))),
         hold=rng.random() < 0.5,
         max_headway=rng.choice((None, None, rng.uniform(1.5, 3.0) * tau_max)),
         max_time_constant=rng.choice((None, None, None, rng.uniform(4.0, 40.0) * tau_max)),
+        v2v_period=rng.choice((None, None, period * rng.randint(2, 20))),
     )
     return rng.choice((1.5, 3.0, 5.0, 20.0, 200.0)), tau_max, ask
 
@@ -52,6 +54,7 @@ def missed(gains: Gains, rho: float, tau_max: float, ask: Requirements) -> Itera
             if growth > 1.0 + ROUNDING:
                 where = f"{omega:.4g} rad/s, {age} periods old, {known}"
                 yield f"grows by {growth - 1.0:.3g} at {where}"
+    yield from _grows_with_packets(gains, rho, tau_max, ask)
     commands = np.random.default_rng(1).standard_normal(SAMPLES)
     ends = (ask.counted_as_zero * (1.0 - 1.0 / rho), 1.0 + 1.0 / rho)
     for end in ends:
@@ -74,6 +77,23 @@ def missed(gains: Gains, rho: float, tau_max: float, ask: Requirements) -> Itera
     ):
         if limit is not None and value > limit * (1.0 + 1e-9):
             yield f"{name} {value} is above {limit}"
+
+
+def _grows_with_packets(
+    gains: Gains, rho: float, tau_max: float, ask: Requirements
+) -> Iterator[str]:
+    if ask.v2v_period is None:
+        return
+    interval = round(ask.v2v_period / ask.period)
+    age = math.ceil(ask.latency / ask.period - 1e-9)
+    low, high = ask.counted_as_zero * (1.0 - 1.0 / rho), 1.0 + 1.0 / rho
+    for end in (low, 0.5 * (low + high), high):
+        for tau in (LAGS * tau_max).tolist():
+            growth = lifted_growth(
+                gains, tau, end * gains.k_a, ask.period, interval, age=age, held=ask.held
+            )
+            if growth > 1.0 + ROUNDING:
+                yield f"grows by {growth - 1.0:.3g} with a packet every {interval} periods"
 
 
 def _slowest(gains: Gains, tau: float) -> float:

@@ -89,6 +89,7 @@ MISSED = {
     "--min-gap 4.9": "worst gap",
     "--max-linf 1": "L-infinity gain",
     "--max-time-constant 10": "slowest time constant",
+    "--v2v-period 0.2": "with a packet every 0.2 s",
 }
 
 
