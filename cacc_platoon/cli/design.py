@@ -61,6 +61,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     design.add_argument(
         "--k-effective", type=float, help="certify for this k_a E[w] at tau_max only, not the worst"
     )
+    design.add_argument(
+        "--chance",
+        type=float,
+        help="probability with which a link may amplify whose noise is drawn once: its headway",
+    )
     limits = parser.add_argument_group(
         "what designs must keep to, together with period, latency and reception"
     )
@@ -190,10 +195,11 @@ def _question(args: argparse.Namespace) -> Question:
     )
     bits = V2V().bit_probabilities
     complete = None not in (args.k_a, args.time_headway, args.k_v, args.k_p)
-    if not complete and (args.check or {args.k_v, args.k_p, args.k_effective} != {None}):
+    parts = {args.k_v, args.k_p, args.k_effective, args.chance}
+    if not complete and (args.check or parts != {None}):
         raise DesignError(
-            "--k-v, --k-p, --k-effective and --check need a whole design: half of one has no "
-            "certificate. Give --k-a, --time-headway, --k-v and --k-p, or none."
+            "--k-v, --k-p, --k-effective, --chance and --check need a whole design: half of one "
+            "has no certificate. Give --k-a, --time-headway, --k-v and --k-p, or none."
         )
     question = Question(
         rho,
@@ -203,6 +209,8 @@ def _question(args: argparse.Namespace) -> Question:
         k_p=args.k_p,
         k_effective=args.k_effective,
         noise=_noise(rho, bits, args.period),
+        bit_probabilities=bits,
+        chance=args.chance,
         recommend=args.recommend or not complete,
     )
     return question.for_predecessors(args.predecessors)

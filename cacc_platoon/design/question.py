@@ -20,7 +20,11 @@ from cacc_platoon.design.answer_json import (
 from cacc_platoon.design.recommend import recommend
 from cacc_platoon.design.requirements import Design, Recommendation, Requirements
 from cacc_platoon.model.control import Gains
-from cacc_platoon.theory.errors import require
+from cacc_platoon.theory.chance_constrained import (
+    amplifying_probability,
+    chance_constrained_headway,
+)
+from cacc_platoon.theory.errors import DesignError, require
 from cacc_platoon.theory.explanation import explain_verdict
 from cacc_platoon.theory.mean_square import NoiseStatistics
 from cacc_platoon.theory.noise_interval import effective_interval, k_a_max, snr_db_from_rho
@@ -61,6 +65,10 @@ class Question:
         Certify for this effective gain at `tau_max` only.
     noise : NoiseStatistics
         For the mean-square index.
+    bit_probabilities : tuple of float
+        The channel's, most significant bit first, for `chance`.
+    chance : float or None
+        Probability with which a link may amplify whose noise is drawn once.
     recommend : bool
         Whether to search for designs.
     predecessors : int
@@ -75,6 +83,8 @@ class Question:
     k_p: float | None = None
     k_effective: float | None = None
     noise: NoiseStatistics = dataclasses.field(default_factory=NoiseStatistics)
+    bit_probabilities: tuple[float, ...] = ()
+    chance: float | None = None
     recommend: bool = True
     predecessors: int = 1
 
@@ -140,7 +150,7 @@ def answer(question: Question) -> tuple[dict[str, Any], Recommendation | None]:
     dict
         Plain data; what is infinite or does not exist is None. Keys: ``format rho snr_db tau0 k_a
         k_a_max time_headway headway_bound optimal infimum_headway region exact_region
-        conservatism``, and where asked ``known_gain certificate verdict unmet extensions
+        conservatism``, and where asked ``known_gain chance certificate verdict unmet extensions
         recommended front``; docs/formats/design.schema.json has them all.
     Recommendation or None
         The designs found.
@@ -172,6 +182,8 @@ def answer(question: Question) -> tuple[dict[str, Any], Recommendation | None]:
         data["certificate"] = certificate_document(certificate)
         data["verdict"] = explain_verdict(certificate)
         data["unmet"] = list(ask.unmet(certificate))
+    if question.chance is not None and gains is not None:
+        data["chance"] = _chance(question, gains, question.chance)
     if question.k_effective is not None:
         data["known_gain"] = _known_gain(question.k_effective, question.tau_max)
     if question.predecessors != 1 or ask.reception != 1.0:
@@ -192,6 +204,16 @@ def _check(question: Question) -> None:
         "other hops, and gaps at rest differ. Leave min_gap out.",
     )
     require(
+        question.chance is None or 0.0 <= question.chance < 1.0,
+        f"chance = {question.chance} is not from 0 to below 1: no share of links can be. Give the "
+        "probability with which a link may amplify.",
+    )
+    require(
+        question.chance is None or (question.predecessors, ask.reception) == (1, 1.0),
+        "chance is of links that lose nothing, with one predecessor: others have another law. "
+        "Leave it out.",
+    )
+    require(
         k is None or ask.reception == 1.0,
         f"k_effective = {k} with reception = {ask.reception:g} says twice what arrives. Leave one "
         "of them out.",
@@ -207,6 +229,23 @@ def _known_gain(k: float, tau_max: float) -> dict[str, float]:
     """Return the least headway of one known effective gain, Theorem 1 (b): below one."""
     headway = 2.0 * tau_max / (1.0 + k) if k < 1 else math.inf
     return {"k_effective": k, "headway": headway}
+
+
+def _chance(question: Question, gains: Gains, chance: float) -> dict[str, float]:
+    """Return how likely a link amplifies whose noise never changes, and headways for these gains.
+
+    No headway is infinite: it does not exist.
+    """
+    asked = (gains, question.rho, question.tau_max, question.bit_probabilities)
+
+    def headway(probability: float) -> float:
+        try:
+            return chance_constrained_headway(*asked, probability)
+        except DesignError:
+            return math.inf
+
+    found = {"probability": chance, "amplifying": amplifying_probability(*asked)}
+    return {**found, "headway": headway(chance), "worst_headway": headway(0.0)}
 
 
 def _bounds(question: Question) -> dict[str, Any]:

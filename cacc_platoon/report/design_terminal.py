@@ -45,6 +45,7 @@ def render(data: dict[str, Any]) -> str:
             if alone
             else "for every lag up to tau_0 and all links alike",
         )
+        lines += _chance_lines(data.get("chance"))
         missed = data["unmet"]
         lines += [f"Requirements {'; '.join(missed) if missed else 'all met'}"]
     if "extensions" in data:
@@ -145,6 +146,18 @@ def _guarantee_lines(rows: list[dict[str, str]], where: str) -> list[str]:
             if row[key] != "-"
         ]
     return lines
+
+
+def _chance_lines(chance: dict[str, Any] | None) -> list[str]:
+    """Say how likely a link amplifies whose noise is drawn once, and what headway that takes."""
+    if chance is None:
+        return []
+    return [
+        f"Noise drawn once per link (16 bits, the paper's probabilities): a link amplifies with "
+        f"probability {chance['amplifying']:.4g}; with at most {chance['probability']:g} from a "
+        f"headway of {_number(chance['headway'])} s on, never from "
+        f"{_number(chance['worst_headway'])} s on"
+    ]
 
 
 def _yes(value: bool) -> str:

@@ -101,6 +101,16 @@ def test_check_asks_for_everything(asked, capsys):
     assert MISSED[asked] in line
 
 
+def test_chance_of_noise_drawn_once(capsys):
+    platoon_design(f"--rho 3 --tau-max 0.5 {CASE_A} --chance 0.01 --json")
+    found = json.loads(capsys.readouterr().out)["chance"]
+    assert found["amplifying"] == pytest.approx(0.09696, abs=1e-5)
+    assert found["headway"] == pytest.approx(1.03285, abs=1e-5)
+    assert found["worst_headway"] == pytest.approx(1.15409, abs=1e-5)
+    platoon_design(f"--rho 3 --tau-max 0.5 {CASE_A} --chance 0.01")
+    assert "a link amplifies with probability 0.09696" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize("asked", list(itertools.combinations(MISSED, 2)))
 def test_every_two_requirements_are_missed_together(asked):
     """What the exit code is made of, without the rest of the answer."""
