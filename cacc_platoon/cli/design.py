@@ -271,4 +271,14 @@ def _write(path: Path, question: Question, gains: Gains) -> None:
             f"--write {path} cannot be written ({error.strerror}): the design is not saved. "
             "Choose another place."
         ) from error
-    print(f"scenario in {path}", file=sys.stderr)
+    print(f"scenario in {path}{_not_in_a_scenario(question.requirements)}", file=sys.stderr)
+
+
+def _not_in_a_scenario(ask: Requirements) -> str:
+    """Say what was asked for that no channel of a scenario has."""
+    left = []
+    if ask.latency:
+        left.append(f"at once, not {ask.latency:g} s late")
+    if ask.v2v_period is not None:
+        left.append(f"every control period, not every {ask.v2v_period:g} s")
+    return f"; its packets come {', and '.join(left)}" if left else ""

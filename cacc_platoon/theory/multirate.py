@@ -45,6 +45,7 @@ __all__ = [
 ]
 
 _ANGLES, _PEAKS, _ESTIMATED = 96, 4, 5
+_GROWS = 1.0 + TOLERANCE
 _TURNS = np.concatenate((np.geomspace(1e-4, 0.1, 16), np.linspace(0.1, np.pi, 40)[1:]))
 
 
@@ -98,7 +99,7 @@ def _growth(packets: PacketTimes, gains: Gains, pairs: tuple[Float, Float]) -> H
         lambda turn, tau, k: repeated_motion_radius(packets, gains, tau, k, turn), _TURNS, pairs
     )
     tau, k = (float(column[row, 0]) for column in pairs)
-    if not radius > 1.0 + TOLERANCE:
+    if not radius > _GROWS:
         return HopGrowth(1.0, 0.0, tau, k)
     growth, angle, _ = _peak(
         lambda angle, tau, k: spectral_radius(packets.hop(gains, tau, k, angle)),
@@ -115,13 +116,20 @@ def _own_loops_stable(gains: Gains, pairs: tuple[Float, Float], period: float) -
 
 
 def _peak(
-    measure: Callable[[Float, Float, Float], Float], places: Float, pairs: tuple[Float, Float]
+    measure: Callable[[Float, Float, Float], Float],
+    places: Float,
+    pairs: tuple[Float, Float],
+    *,
+    enough: float = math.inf,
 ) -> tuple[float, float, int]:
-    """Close in on the highest peaks: height, place, row of the pair.
+    """Close in on the highest peaks, as far as is `enough`: height, place, row of the pair.
 
     Every measure is one at the start, from where it falls or rises.
     """
     size = measure(places, *pairs)
+    top, first = divmod(int(np.argmax(size)), places.size)
+    if size[top, first] > enough:
+        return float(size[top, first]), float(places[first]), top
     padded = np.pad(size, ((0, 0), (1, 1)), constant_values=((0, 0), (np.inf, -np.inf)))
     row, at = np.nonzero((size >= padded[:, :-2]) & (size >= padded[:, 2:]))
     if not row.size:
@@ -217,7 +225,7 @@ def mean_phase_growth(
         packets.angles(gains, _ANGLES),
         (np.array([[tau]]), np.array([[k_effective]])),
     )
-    if not growth > 1.0 + TOLERANCE:
+    if not growth > _GROWS:
         return HopGrowth(1.0, 0.0, tau, k_effective)
     return HopGrowth(growth, angle / (period * interval), tau, k_effective)
 
@@ -284,9 +292,9 @@ def critical_v2v_period(
     Returns
     -------
     float
-        Where growth begins next to the period at which the hop in the mean over phases is lost,
-        by bisection; 0 when errors grow although a packet comes every control period, infinite
-        when nothing is communicated or nothing grows at up to 256 periods.
+        Found by doubling and halving at the largest lag, then by all lags, so that a band of growth
+        between shorter periods that were not tried could be missed; 0 when errors grow although a
+        packet comes every control period, infinite when nothing grows at 256 of them.
 
     Raises
     ------
@@ -309,8 +317,9 @@ def critical_v2v_period(
             lambda turn, tau, k: repeated_motion_radius(now, gains, tau, k, turn),
             _TURNS,
             (pairs[0][rows], pairs[1][rows]),
+            enough=_GROWS,
         )
-        return found > 1.0 + TOLERANCE
+        return found > _GROWS
 
     if not _own_loops_stable(gains, pairs, period) or grows(1):
         return 0.0

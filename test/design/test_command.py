@@ -191,6 +191,15 @@ def test_a_given_design_is_written_at_any_period(tmp_path, period):
     assert scenario.run.duration >= 200
 
 
+def test_what_no_scenario_can_say_is_said(tmp_path, capsys):
+    asked = f"--rho 5 --tau-max 0.5 {CASE_A} --latency 0.02 --v2v-period 0.1"
+    assert platoon_design(f"{asked} --write {tmp_path / 'late.yaml'}") == 0
+    said = capsys.readouterr().err
+    assert "come at once, not 0.02 s late, and every control period, not every 0.1 s" in said
+    assert platoon_design(f"--rho 5 --tau-max 0.5 {CASE_A} --write {tmp_path / 'now.yaml'}") == 0
+    assert capsys.readouterr().err == f"scenario in {tmp_path / 'now.yaml'}\n"
+
+
 @pytest.mark.parametrize("lag", ["1e-300", "1e300"])
 def test_a_lag_that_nothing_can_be_computed_with_is_named(lag):
     with pytest.raises(
