@@ -63,7 +63,7 @@ def _verdict_lines(report: Report) -> list[str]:
     whose, which = "", ""
     if not verdict.equal_links:
         whose = f" (vehicle {weakest.follower})"
-        which = f" (vehicle {weakest.follower} is the weakest)"
+        which = f" (vehicle {weakest.follower}; none is weaker)"
     lines = [f"  {verdict.guarantee}"] if verdict.string_stable else []
     lines += [
         f"  exact test, every lag tau <= {own.tau_max:g} s and every {share}k_a E[w] in "

@@ -109,7 +109,7 @@ def _channel_claims(report: Report) -> Iterator[Claim]:
     yield Claim(
         "Definition 3",
         "signal-to-noise ratio [dB]",
-        f"{asked:.4f}, from rho = {RHO:g}",
+        f"{asked:.4f}, follows from rho = {RHO:g}",
         f"{snr:.4f}",
         snr >= asked - 1e-9,
         "smallest of recorded run A; a finite run stays above its bound",

@@ -67,7 +67,7 @@ def test_the_gain_shown_is_of_the_loop_without_loss_where_the_weakest_holds(made
     report, text, _ = made(MIXED)
     assert report.verdict.weakest.follower == 3
     assert (
-        "sup|H| = 1 (L2, in the mean) of the loop without loss (vehicle 3 is the weakest)" in text
+        "sup|H| = 1 (L2, in the mean) of the loop without loss (vehicle 3; none is weaker)" in text
     )
     assert "Theorem 2 (sufficient) of the loop without loss at vehicles 1, 3: " in text
 
@@ -79,7 +79,7 @@ def test_the_gain_shown_is_as_judged_where_the_weakest_counts_zero(made):
     assert "every p k_a E[w] in [0.28, 0.6] (vehicle 2): failed: time_headway = 0.7 s" in text
     gain = report.verdict.weakest.l2_gain
     assert gain > 1
-    assert f"sup|H| = {gain:.9g} (L2, in the mean) (vehicle 2 is the weakest)" in text
+    assert f"sup|H| = {gain:.9g} (L2, in the mean) (vehicle 2; none is weaker)" in text
     assert "vehicle 2, time_headway = 0.7 s is below" in rows[""][0]
     assert f"rad/s. {report.verdict.weakest.remedy}. In the expectation run" in rows[""][0]
     assert "Raise time_headway" in report.verdict.weakest.remedy
