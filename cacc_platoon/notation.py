@@ -54,6 +54,8 @@ def _name(word: str) -> str:
 
 
 def _power(number: str, exponent: str) -> str:
+    if float(number) == 0.0 or int(exponent) == 0:
+        return "0" if float(number) == 0.0 else number
     sign = "−" if exponent[0] == "-" else ""
     power = f"10<sup>{sign}{exponent[1:].lstrip('0') or '0'}</sup>"
     return power if number == "1" else f"{number}·{power}"
@@ -64,7 +66,7 @@ _RULES = {
     "code": _Rule(
         r"(?<![\w-])--[A-Za-z][\w-]*"  # an option
         r"|(?<![\w)\]|}/.*])\.{0,2}/[A-Za-z_][\w/.]*"  # a path
-        rf"|(?<!\w)(?!(?:{_NAMES})/)[A-Za-z]\w+/[A-Za-z_][\w/.]*"  # a relative one, or a unit
+        rf"|(?<!\w)(?!(?:{_NAMES}|(?:{_NAMES}|[A-Za-z])_(?:\w|lb))/)[A-Za-z]\w+/[A-Za-z_][\w/.]*"  # a relative one, or a unit
         r"|(?<![\w.])[A-Za-z_]\w*(?:[.:][A-Za-z_]\w*)+",  # a dotted name, module:Class
         lambda m: html.escape(m[0]),
     ),

@@ -11,6 +11,9 @@ from cacc_platoon.notation import as_html, as_text
 from cacc_platoon.scenario.table import TABLE
 
 MATHEMATICS = {
+    "d h_lb/d k_a": "d h<sub>lb</sub>/d k<sub>a</sub>",
+    "sup|delta_i/delta_(i-1)|": "sup|δ<sub>i</sub>/δ<sub>i−1</sub>|",
+    "0.0e+00": "0",
     "tau0": "τ<sub>0</sub>",
     "tau_0 k_p": "τ<sub>0</sub> k<sub>p</sub>",
     "every tau in (0, tau0]": "every τ in (0, τ<sub>0</sub>]",
