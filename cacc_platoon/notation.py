@@ -66,7 +66,8 @@ _RULES = {
     "code": _Rule(
         r"(?<![\w-])--[A-Za-z][\w-]*"  # an option
         r"|(?<![\w)\]|}/.*])\.{0,2}/[A-Za-z_][\w/.]*"  # a path
-        rf"|(?<!\w)(?!(?:{_NAMES}|(?:{_NAMES}|[A-Za-z])_(?:\w|lb))/)[A-Za-z]\w+/[A-Za-z_][\w/.]*"  # a relative one, or a unit
+        rf"|(?<!\w)(?!(?:{_NAMES}|(?:{_NAMES}|[A-Za-z])_(?:\w|lb))/)"  # a relative one, or a unit
+        r"[A-Za-z]\w+/[A-Za-z_][\w/.]*"
         r"|(?<![\w.])[A-Za-z_]\w*(?:[.:][A-Za-z_]\w*)+",  # a dotted name, module:Class
         lambda m: html.escape(m[0]),
     ),
