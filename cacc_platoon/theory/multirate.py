@@ -7,6 +7,7 @@ some angle. A search over angle, lag and the ends of I finds where: numerical
 
 from __future__ import annotations
 
+import cmath
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -23,7 +24,7 @@ from cacc_platoon.theory.lifted_hop import (
     spectral_radius,
 )
 from cacc_platoon.theory.noise_interval import effective_gains
-from cacc_platoon.theory.repeated_motion import repeated_motion_radius
+from cacc_platoon.theory.repeated_motion import repeated_motion, repeated_motion_radius
 from cacc_platoon.theory.sampled import in_unit_disc, lags_to_try, sampled_hop
 
 if TYPE_CHECKING:
@@ -45,6 +46,7 @@ __all__ = [
 ]
 
 _ANGLES, _PEAKS, _ESTIMATED = 96, 4, 5
+_AROUND = 1.0 + np.array([-0.1, -0.03, -0.01, -1e-3, 0.0, 1e-3, 0.01, 0.03, 0.1])
 _GROWS = 1.0 + TOLERANCE
 _TURNS = np.concatenate((np.geomspace(1e-4, 0.1, 16), np.linspace(0.1, np.pi, 40)[1:]))
 
@@ -95,18 +97,21 @@ def _growth(packets: PacketTimes, gains: Gains, pairs: tuple[Float, Float]) -> H
     """
     if not _own_loops_stable(gains, pairs, packets.period):
         return HopGrowth(math.inf, 0.0, float(pairs[0][-1, 0]), float(pairs[1][-1, 0]))
-    radius, _, row = _peak(
+    radius, turn, row = _peak(
         lambda turn, tau, k: repeated_motion_radius(packets, gains, tau, k, turn), _TURNS, pairs
     )
     tau, k = (float(column[row, 0]) for column in pairs)
     if not radius > _GROWS:
         return HopGrowth(1.0, 0.0, tau, k)
+    near = abs(cmath.phase(complex(repeated_motion(packets, gains, tau, k, turn))))
+    angles = np.concatenate((packets.angles(gains, _ANGLES), near * _AROUND))
     growth, angle, _ = _peak(
         lambda angle, tau, k: spectral_radius(packets.hop(gains, tau, k, angle)),
-        packets.angles(gains, _ANGLES),
+        np.unique(np.clip(angles, None, np.pi)),
         (np.array([[tau]]), np.array([[k]])),
     )
-    return HopGrowth(max(growth, 1.0), angle / (packets.period * packets.interval), tau, k)
+    omega = angle / (packets.period * packets.interval)
+    return HopGrowth(max(growth, math.nextafter(1.0, 2.0)), omega, tau, k)
 
 
 def _own_loops_stable(gains: Gains, pairs: tuple[Float, Float], period: float) -> bool:

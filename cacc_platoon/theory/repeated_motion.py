@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     Float = NDArray[np.float64]
     Complex = NDArray[np.complex128]
 
-__all__ = ["repeated_motion_radius"]
+__all__ = ["repeated_motion", "repeated_motion_radius"]
 
 _X, _V, _A, _HEARD, _SENT = range(5)
 
@@ -33,9 +33,16 @@ _X, _V, _A, _HEARD, _SENT = range(5)
 def repeated_motion_radius(
     packets: PacketTimes, gains: Gains, tau: ArrayLike, k_effective: ArrayLike, turn: ArrayLike
 ) -> Float:
-    """Spectral radius of ``Phi(exp(-j turn))``; the arrays broadcast.
+    """Size of `repeated_motion`: above one, the platoon amplifies."""
+    return np.asarray(np.abs(repeated_motion(packets, gains, tau, k_effective, turn)))
 
-    Above one, the platoon amplifies. At ``turn = 0`` it is one: a platoon may drive elsewhere.
+
+def repeated_motion(
+    packets: PacketTimes, gains: Gains, tau: ArrayLike, k_effective: ArrayLike, turn: ArrayLike
+) -> Complex:
+    """Largest eigenvalue of ``Phi(exp(-j turn))``; the arrays broadcast.
+
+    At ``turn = 0`` it is one: a platoon may drive elsewhere. Its angle is that over a V2V period.
 
     Parameters
     ----------
@@ -66,7 +73,9 @@ def repeated_motion_radius(
     matrix = np.linalg.matrix_power(step, packets.interval - part) @ arrive
     if part:
         matrix = matrix @ np.linalg.matrix_power(step, part)
-    return np.asarray(np.abs(np.linalg.eigvals(matrix @ send)).max(axis=-1))
+    values = np.linalg.eigvals(matrix @ send)
+    largest = np.argmax(np.abs(values), axis=-1)[..., np.newaxis]
+    return np.asarray(np.take_along_axis(values, largest, -1)[..., 0])
 
 
 def _control_step(

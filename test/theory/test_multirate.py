@@ -25,6 +25,8 @@ D = Gains(0.95, 0.5, 0.75, 1.0)
 E = Gains(0.75, 0.5, 0.8, 0.5)
 STIFF = Gains(0.8, 0.6104166666666666, 0.10012604732092761, 40.0)
 """It amplifies signals faster than half a packet a second where packets come every 0.5 s."""
+FAST = Gains(0.32519953101693766, 0.965174129353234, 0.005252662821851819, 6.628358526900128)
+"""At a lag of 0.3 s a period of 5 ms and a latency of two are too much for it."""
 QUESTION = (5.0, 0.5, 0.01)
 
 
@@ -45,6 +47,16 @@ def test_growth_of_given_designs(gains, interval, growth, omega):
     assert lifted_growth(gains, 0.5, 1.2 * gains.k_a, 0.01, interval) == pytest.approx(
         growth, rel=5e-4
     )
+
+
+def test_a_narrow_peak_is_found():
+    """Between two of 300 angles; it decides, and its height is known."""
+    found = worst_multirate_growth(FAST, 200.0, 0.3, 0.005, 4, latency=0.006)
+    k = (1 - 1 / 200) * FAST.k_a
+    brute = lifted_growth(FAST, 0.3, k, 0.005, 4, age=2, count=60_000)
+    assert (found.tau, found.k_effective) == (0.3, pytest.approx(k))
+    assert brute > 1.08
+    assert found.growth == pytest.approx(brute, rel=1e-4)
 
 
 @pytest.mark.parametrize(
