@@ -222,6 +222,11 @@ class Certificate(CertifiedLoop):
             **self.sampled_worst_case,
         )
 
+    @property
+    def _interval(self) -> int:
+        """Control periods from packet to packet."""
+        return packet_interval(self.v2v_period or self.period, self.period)
+
     @cached_property
     def v2v_growth(self) -> HopGrowth | None:
         """Growth per hop with a packet every `v2v_period`; None without one of its own."""
@@ -232,7 +237,7 @@ class Certificate(CertifiedLoop):
             self.rho,
             self.tau_max,
             self.period,
-            packet_interval(self.v2v_period, self.period),
+            self._interval,
             latency=self.latency,
             **self.sampled_worst_case,
         )
@@ -240,25 +245,29 @@ class Certificate(CertifiedLoop):
     @cached_property
     def critical_v2v_period(self) -> float:
         """Longest time [s] from packet to packet at which nothing grows."""
+        kept = self.v2v_growth is not None and self.v2v_growth.growth <= 1.0
         return critical_v2v_period(
             self.gains,
             self.rho,
             self.tau_max,
             self.period,
             latency=self.latency,
+            kept_at=packet_interval(self.v2v_period, self.period)
+            if kept and self.v2v_period
+            else 0,
             **self.sampled_worst_case,
         )
 
     def v2v_end_to_end_gain(self, vehicles: int) -> float | None:
         """Largest ``|a_N|_2`` per ``|a_0|_2``, packets every `v2v_period`, where they grow most."""
-        if self.v2v_period is None or self.v2v_growth is None:
+        if self.v2v_growth is None:
             return None
         return end_to_end_gain(
             self.gains,
             max(self.v2v_growth.tau, 1e-6 * self.tau_max),
             self.v2v_growth.k_effective,
             self.period,
-            packet_interval(self.v2v_period, self.period),
+            self._interval,
             vehicles=vehicles,
             latency=self.latency,
             held=self.held,

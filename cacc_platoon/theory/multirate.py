@@ -286,6 +286,7 @@ def critical_v2v_period(
     held: float = 1.0,
     reception: float = 1.0,
     k_effective: float | None = None,
+    kept_at: int = 0,
 ) -> float:
     """Longest V2V period [s], a multiple of the control period, at which nothing grows.
 
@@ -293,6 +294,8 @@ def critical_v2v_period(
     ----------
     gains, rho, tau_max, period, latency, held, reception, k_effective
         As in `worst_multirate_growth`.
+    kept_at : int, optional
+        An interval at which nothing is known to grow, to begin with.
 
     Returns
     -------
@@ -326,9 +329,10 @@ def critical_v2v_period(
         )
         return found > _GROWS
 
-    if not _own_loops_stable(gains, pairs, period) or grows(1):
+    if not kept_at and (not _own_loops_stable(gains, pairs, period) or grows(1)):
         return 0.0
-    low, high = 1, 2
+    low = max(kept_at, 1)
+    high = 2 * low
     while high <= MOST_INTERVAL and not grows(high, slowest):
         low, high = high, 2 * high
     if high > MOST_INTERVAL and not grows(MOST_INTERVAL, slowest):
@@ -336,7 +340,7 @@ def critical_v2v_period(
     while high - low > 1:
         middle = (low + high) // 2
         low, high = (low, middle) if grows(middle, slowest) else (middle, high)
-    while low > 1 and grows(low):
+    while low > max(kept_at, 1) and grows(low):
         low -= 1
     if low == MOST_INTERVAL:
         return math.inf
