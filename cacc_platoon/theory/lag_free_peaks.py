@@ -51,7 +51,7 @@ def keeps_peaks_without_lag(gains: Gains, k_effective: float) -> bool:
     """
     h, _, k_v, k_p = gains
     damping, k, slack = gamma(gains), k_effective, 1.0 - TOLERANCE
-    if not (0.0 <= k <= 1.0 and k_p > 0.0 and damping > 0.0):
+    if not (k >= 0.0 and k_p > 0.0 and damping > 0.0):
         return False
     stiffness = 2.0 * math.sqrt(k_p)
     if damping < stiffness * slack or k_v < k * damping * slack:

@@ -15,7 +15,7 @@ def norm_without_lag(gains, k):
     damping = k_v + h * k_p
     modes = np.roots([1.0, damping, k_p]).astype(complex)
     fast, slow = np.abs(modes).max(), -modes.real.max()
-    t = np.concatenate([np.linspace(0, 40 / x, 20001)[at:] for at, x in ((0, fast), (1, slow))])
+    t = np.concatenate([np.linspace(0, 40 / x, 8001)[at:] for at, x in ((0, fast), (1, slow))])
     t.sort()
     weight = ((k_v - k * damping) * modes + (1 - k) * k_p) / (modes - modes[::-1])
     response = (weight[:, None] * np.exp(modes[:, None] * t)).sum(axis=0).real
@@ -26,7 +26,7 @@ def test_it_is_where_the_norm_is_one():
     """One condition of three fails, or none does; near a double rate nothing can be integrated."""
     draw = random.Random(5)
     seen = dict.fromkeys(("kept", "swings", "k_v", "slow", "k"), 0)
-    while min(seen.values()) < 15:
+    while min(seen.values()) < 10:
         gains = Gains(
             draw.uniform(0.1, 2), 0.0, 10 ** draw.uniform(-2, 0.7), 10 ** draw.uniform(-3, 1)
         )
@@ -75,7 +75,7 @@ def test_each_boundary_is_where_it_says(boundary, relative):
 def test_a_gain_of_one_at_every_short_lag_needs_it():
     draw = random.Random(7)
     kept: list[bool] = []
-    while len(kept) < 80:
+    while len(kept) < 60:
         gains = Gains(
             draw.uniform(0.3, 2), 0.0, 10 ** draw.uniform(-1, 0.5), 10 ** draw.uniform(-2, 0.5)
         )
@@ -83,7 +83,7 @@ def test_a_gain_of_one_at_every_short_lag_needs_it():
         if norm_without_lag(gains, k) > 1.001:
             assert linf_gain(gains, 1e-5, k) > 1.0005
         kept.append(keeps_peaks_without_lag(gains, k))
-    assert 5 < sum(kept) < 75
+    assert 5 < sum(kept) < 55
 
 
 def test_a_certificate_asks_for_both_ends():

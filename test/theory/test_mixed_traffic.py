@@ -21,6 +21,7 @@ E = Gains(0.75, 0.5, 0.8, 0.5)
 VEHICLES = ConnectedVehicles(E, 0.5, (0.4, 0.6))
 SLOW = HumanDriver(0.5, 0.1, 1.4, 0.4)
 RINGING = HumanDriver(0.6, 0.2, 1.4, 1.0)
+QUICK = HumanDriver(1.5, 1.0, 1.0, 0.47)
 OWN_LAG = HumanDriver(0.8, 0.3, 1.0, 0.3, lag=0.2)
 
 
@@ -52,8 +53,8 @@ def log_gain_of_random_strings(share, factors, *, seed, strings=60, vehicles=200
 
 @pytest.mark.parametrize(
     ("human", "slow"),
-    [(SLOW, True), (RINGING, False), (OWN_LAG, False)],
-    ids=["slow", "rings", "lag"],
+    [(SLOW, True), (RINGING, False), (OWN_LAG, False), (QUICK, False)],
+    ids=["slow", "rings", "lag", "quick"],
 )
 def test_random_strings_grow_below_the_least_share_and_shrink_above(human, slow):
     least = least_connected_share(VEHICLES, human)
@@ -78,7 +79,7 @@ def test_random_strings_grow_below_the_least_share_and_shrink_above(human, slow)
 def test_no_frequency_lag_or_gain_grows_from_the_least_share_on():
     """Brute force over lags, effective gains and shares; just below it some frequency grows."""
     omega = np.geomspace(1e-3, 20, 1500)
-    for human in (SLOW, RINGING, OWN_LAG):
+    for human in (SLOW, RINGING, OWN_LAG, QUICK):
         least = least_connected_share(VEHICLES, human)
         assert least is not None
         human_log = np.log(abs(driver_hop(human, omega)))
@@ -111,6 +112,7 @@ def test_the_least_share_is_the_largest_that_grows():
     rng = np.random.default_rng(2)
     cacc, acc, human = -abs(rng.standard_normal(600)), *rng.standard_normal((2, 600))
     cacc[:40], acc[40:80], human[80:120], acc[120:160] = 0.0, 0.0, 0.0, cacc[120:160]
+    cacc[160:170] = acc[160:170] = human[160:170] = -0.5  # vehicles all alike
     share = np.linspace(0, 1, 4001)[:, np.newaxis]
     mean = share**2 * cacc + share * (1 - share) * acc + (1 - share) * human
     grows = mean > 1e-12
@@ -127,6 +129,16 @@ def test_a_longer_headway_behind_drivers_needs_fewer_connected_vehicles():
     assert short is not None
     assert long is not None
     assert long.share < short.share - 0.05
+
+
+def test_a_shorter_lag_may_ask_for_more():
+    """QUICK swings at 2.8 rad/s, above ``sqrt(gamma/tau_0)`` = 1.5 rad/s."""
+    every, longest = (
+        least_connected_share(VEHICLES._replace(shorter_lags=lags), QUICK) for lags in (True, False)
+    )
+    assert every is not None
+    assert longest is not None
+    assert every.share > longest.share + 0.05
 
 
 def test_drivers_who_do_not_amplify_need_none_and_a_design_that_does_has_none():
