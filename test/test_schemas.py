@@ -64,7 +64,7 @@ DESIGNS = [
     for question in (
         "--rho 5 --tau-max 0.5",
         "--rho 5 --tau-max 0.5 --k-a 0.5 --time-headway 0.95 --k-v 0.63 --k-p 0.009 "
-        "--v2v-period 0.2 --recommend --chance 0.01",
+        "--v2v-period 0.2 --recommend --chance 0.01 --human 0.5 0.1 1.4 0.4",
         "--rho 5 --tau-max 0.5 --k-a 0.4 --time-headway 0.95 --k-v 0.63 --k-p 0.009 --explain",
         "--rho 5 --tau-max 0.5 --k-a 0.2 --time-headway 0.6 --k-v 0.63 --k-p 0.009 --reception 0.9 "
         "--predecessors 2 --recommend",

@@ -19,6 +19,7 @@ from cacc_platoon.scenario.file import format_scenario
 from cacc_platoon.scenario.table import V2V
 from cacc_platoon.theory.errors import DesignError
 from cacc_platoon.theory.explanation import explain_bounds, explain_design
+from cacc_platoon.theory.human_driver import HumanDriver
 from cacc_platoon.theory.mean_square import NoiseStatistics
 from cacc_platoon.theory.noise_interval import rho_from_snr_db
 
@@ -90,6 +91,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     more = parser.add_argument_group("extensions")
     more.add_argument(
         "--predecessors", type=int, default=1, help="vehicles ahead that are received (1)"
+    )
+    more.add_argument(
+        "--human",
+        nargs=4,
+        type=float,
+        metavar=("K_V", "K_P", "HEADWAY", "DELAY"),
+        help="drivers of all other vehicles [1/s, 1/s^2, s, s]: least share of connected ones",
     )
     output = parser.add_argument_group("output")
     output.add_argument("--json", action="store_true", help="print one JSON object")
@@ -212,6 +220,7 @@ def _question(args: argparse.Namespace) -> Question:
         bit_probabilities=bits,
         chance=args.chance,
         recommend=args.recommend or not complete,
+        human=None if args.human is None else HumanDriver(*args.human),
     )
     return question.for_predecessors(args.predecessors)
 

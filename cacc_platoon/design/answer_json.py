@@ -9,6 +9,8 @@ from cacc_platoon.formats import Format
 from cacc_platoon.model.control import Gains
 from cacc_platoon.theory.certificate import Certificate
 from cacc_platoon.theory.guarantees import guarantees
+from cacc_platoon.theory.human_driver import HumanDriver
+from cacc_platoon.theory.mixed_traffic import LeastShare
 from cacc_platoon.theory.region import Conservatism, ExactRegion
 from cacc_platoon.theory.several_predecessors import MultiPredecessorBounds
 from cacc_platoon.theory.theorem2 import PaperRegion
@@ -45,6 +47,7 @@ def certificate_document(certificate: Certificate) -> dict[str, Any]:
             "sure": certificate.worst_sure_gain._asdict(),
             "sure_error": certificate.worst_sure_error_gain._asdict(),
             "sure_sampled": certificate.sampled_sure_gain,
+            "lag_free": certificate.keeps_peaks_without_lag,
         },
         "sampled": {
             "period": certificate.period,
@@ -59,6 +62,7 @@ def certificate_document(certificate: Certificate) -> dict[str, Any]:
             "critical_period": certificate.joint_critical_period,
         },
         **rate,
+        "ring": _ring_document(certificate),
         "mean_square_index": certificate.mean_square_index,
         "frozen_noise_margin": certificate.frozen_noise_margin,
         "slowest_time_constant": certificate.slowest_time_constant,
@@ -69,6 +73,12 @@ def certificate_document(certificate: Certificate) -> dict[str, Any]:
     }
 
 
+def _ring_document(certificate: Certificate) -> dict[str, Any]:
+    stable = certificate.internally_stable
+    first = certificate.first_unstable_ring if stable else None
+    return {"every_number": stable and first is None, "first_unstable": first}
+
+
 def _rate_document(certificate: Certificate) -> dict[str, Any]:
     growth = certificate.v2v_growth
     return {
@@ -77,6 +87,15 @@ def _rate_document(certificate: Certificate) -> dict[str, Any]:
         "frequency": growth.omega if growth else None,
         "critical_period": certificate.critical_v2v_period,
         "end_to_end_gain": certificate.v2v_end_to_end_gain(VEHICLES),
+    }
+
+
+def mixed_traffic_document(human: HumanDriver, least: LeastShare | None) -> dict[str, Any]:
+    """Return from which share of connected vehicles on mixed traffic does not grow."""
+    return {
+        "human": human._asdict(),
+        "least_share": None if least is None else least.share,
+        "frequency": None if least is None else least.omega,
     }
 
 

@@ -14,19 +14,23 @@ from cacc_platoon.design.answer_json import (
     design_document,
     exact_region_document,
     gains_document,
+    mixed_traffic_document,
     predecessors_document,
     region_document,
 )
 from cacc_platoon.design.recommend import recommend
 from cacc_platoon.design.requirements import Design, Recommendation, Requirements
 from cacc_platoon.model.control import Gains
+from cacc_platoon.theory.certificate import Certificate
 from cacc_platoon.theory.chance_constrained import (
     amplifying_probability,
     chance_constrained_headway,
 )
 from cacc_platoon.theory.errors import DesignError, require
 from cacc_platoon.theory.explanation import explain_verdict
+from cacc_platoon.theory.human_driver import HumanDriver
 from cacc_platoon.theory.mean_square import NoiseStatistics
+from cacc_platoon.theory.mixed_traffic import ConnectedVehicles, least_connected_share
 from cacc_platoon.theory.noise_interval import effective_interval, k_a_max, snr_db_from_rho
 from cacc_platoon.theory.packet_loss import fallback_headway
 from cacc_platoon.theory.region import (
@@ -74,6 +78,8 @@ class Question:
     predecessors : int
         Number of predecessors received, 1 for the paper's platoon. Gains, headways and limits are
         those of the equivalent one-predecessor platoon, see `for_predecessors`.
+    human : HumanDriver or None
+        The drivers of all other vehicles, for the share of connected ones that mixed traffic needs.
     """
 
     rho: float
@@ -87,6 +93,7 @@ class Question:
     chance: float | None = None
     recommend: bool = True
     predecessors: int = 1
+    human: HumanDriver | None = None
 
     def for_predecessors(self, count: int) -> Question:
         """Restate a question on a platoon with `count` predecessors as its equivalent one.
@@ -150,8 +157,8 @@ def answer(question: Question) -> tuple[dict[str, Any], Recommendation | None]:
     dict
         Plain data; what is infinite or does not exist is None. Keys: ``format rho snr_db tau0 k_a
         k_a_max time_headway headway_bound optimal infimum_headway region exact_region
-        conservatism``, and where asked ``known_gain chance certificate verdict unmet extensions
-        recommended front``; docs/formats/design.schema.json has them all.
+        conservatism``, and where asked ``known_gain chance certificate verdict unmet
+        mixed_traffic extensions recommended front``; docs/formats/design.schema.json has them all.
     Recommendation or None
         The designs found.
 
@@ -182,6 +189,8 @@ def answer(question: Question) -> tuple[dict[str, Any], Recommendation | None]:
         data["certificate"] = certificate_document(certificate)
         data["verdict"] = explain_verdict(certificate)
         data["unmet"] = list(ask.unmet(certificate))
+        if question.human is not None:
+            data["mixed_traffic"] = _mixed_traffic(question.human, certificate)
     if question.chance is not None and gains is not None:
         data["chance"] = _chance(question, gains, question.chance)
     if question.k_effective is not None:
@@ -214,6 +223,16 @@ def _check(question: Question) -> None:
         "Leave it out.",
     )
     require(
+        question.human is None or question.gains is not None,
+        "human drivers without a whole design have no traffic to be mixed with: no share can be "
+        "computed. Give --k-a, --time-headway, --k-v and --k-p, or leave --human out.",
+    )
+    require(
+        question.human is None or question.predecessors == 1,
+        f"human drivers among vehicles with {question.predecessors} predecessors are not known: "
+        "which of them are heard depends on the order. Leave --human or --predecessors out.",
+    )
+    require(
         k is None or ask.reception == 1.0,
         f"k_effective = {k} with reception = {ask.reception:g} says twice what arrives. Leave one "
         "of them out.",
@@ -223,6 +242,16 @@ def _check(question: Question) -> None:
         f"k_effective = {k} is above (1 + 1/rho) k_a: no noise of this SNR makes it of k_a = "
         f"{question.k_a:g}. Lower k_effective or raise k_a.",
     )
+
+
+def _mixed_traffic(human: HumanDriver, certificate: Certificate) -> dict[str, Any]:
+    vehicles = ConnectedVehicles(
+        certificate.gains,
+        certificate.tau_max,
+        certificate.effective_gains,
+        shorter_lags=certificate.k_effective is None,
+    )
+    return mixed_traffic_document(human, least_connected_share(vehicles, human))
 
 
 def _known_gain(k: float, tau_max: float) -> dict[str, float]:

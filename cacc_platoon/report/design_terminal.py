@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 __all__ = ["render"]
@@ -48,6 +49,8 @@ def render(data: dict[str, Any]) -> str:
         lines += _chance_lines(data.get("chance"))
         missed = data["unmet"]
         lines += [f"Requirements {'; '.join(missed) if missed else 'all met'}"]
+    if "mixed_traffic" in data:
+        lines += _mixed_lines(data["mixed_traffic"])
     if "extensions" in data:
         lines += ["", *_extension_lines(data["extensions"])]
     if "recommended" in data:
@@ -106,6 +109,7 @@ def _certificate_lines(data: dict[str, Any]) -> list[str]:
         f"{_number(joint['latency_margin'])} s at period {joint['period']:g} s; {aged} the "
         f"period is lost at {joint['critical_period']:.4g} s",
         *_rate_lines(c.get("v2v_period")),
+        *_ring_lines(c, alone="known_gain" in data),
         f"  slowest mode {_number(c['slowest_time_constant'])} s; tolerated k_a E[w] "
         + (f"{tolerated[0]:.6g} to {tolerated[1]:.6g}" if tolerated else "none"),
         f"  |delta_i(t)| <= {_number(c['leader_error_norm'])} ||a_0||_2 for every i"
@@ -128,6 +132,40 @@ def _rate_lines(rate: dict[str, Any] | None) -> list[str]:
         f"instants; they begin to above {_number(rate['critical_period'])} s",
         f"  |a_12|_2 <= {_number(rate['end_to_end_gain'])} |a_0|_2 (above 1 also for what falls "
         "between packets)",
+    ]
+
+
+def _ring_lines(certificate: dict[str, Any], *, alone: bool) -> list[str]:
+    """Say with how many vehicles a ring of them is unstable."""
+    if not certificate["internally_stable"]:
+        return []
+    ring = "  a ring of vehicles, in continuous time with fresh packets:"
+    first = certificate["ring"]["first_unstable"]
+    if first is None:
+        return [f"{ring} stable with every number of them"]
+    which = "this k_a E[w]" if alone else "the worse end of I"
+    return [f"{ring} UNSTABLE with {first}, stable with fewer, at tau_0 and {which}"]
+
+
+def _mixed_lines(mixed: dict[str, Any]) -> list[str]:
+    """Say which share of connected vehicles is enough among human drivers."""
+    human, share = mixed["human"], mixed["least_share"]
+    drivers = (
+        f"human drivers (k_v = {human['k_v']:g} 1/s, k_p = {human['k_p']:g} 1/s^2, headway "
+        f"{human['time_headway']:g} s, delay {human['delay']:g} s)"
+    )
+    if share is None:
+        return [f"Mixed        with {drivers}: no share is enough, connected vehicles amplify too"]
+    omega = mixed["frequency"]
+    slow = f"motions of {omega:.4g} rad/s" if omega else "slow motions"
+    enough = (
+        "any share"
+        if share == 0.0
+        else f"every share of connected vehicles from {math.ceil(1e4 * share) / 1e4:.4f} on "
+        f"({slow} ask for it)"
+    )
+    return [
+        f"Mixed        in random order with {drivers}: nothing grows, almost surely, for {enough}"
     ]
 
 

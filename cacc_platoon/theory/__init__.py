@@ -26,7 +26,9 @@ from cacc_platoon.theory.explanation import (
     rounded_down,
 )
 from cacc_platoon.theory.guarantees import Guarantee, guarantees
+from cacc_platoon.theory.human_driver import HumanDriver, longest_delay
 from cacc_platoon.theory.joint_loop import joint_critical_period, joint_latency_margin
+from cacc_platoon.theory.lag_free_peaks import keeps_peaks_without_lag
 from cacc_platoon.theory.latency import headway_for_latency, latency_margin
 from cacc_platoon.theory.mean_square import (
     NoiseStatistics,
@@ -35,6 +37,12 @@ from cacc_platoon.theory.mean_square import (
     leader_error_norm,
     mean_square_index,
     uniform_error_bound,
+)
+from cacc_platoon.theory.mixed_traffic import (
+    ConnectedVehicles,
+    LeastShare,
+    least_connected_share,
+    mixed_traffic_growth,
 )
 from cacc_platoon.theory.noise_growth import frozen_noise_margin, sampled_mean_square_index
 from cacc_platoon.theory.noise_interval import (
@@ -70,6 +78,7 @@ from cacc_platoon.theory.region import (
     minimum_headway,
     stable_gain_range,
 )
+from cacc_platoon.theory.ring import first_unstable_ring, unstable_turns
 from cacc_platoon.theory.sampled import is_sampled_string_stable, sampled_stability_map
 from cacc_platoon.theory.sampling_limits import critical_loss, critical_period
 from cacc_platoon.theory.several_predecessors import (
@@ -109,6 +118,7 @@ __all__ = [
     "TOLERANCE",
     "Certificate",
     "ChainCertificate",
+    "ConnectedVehicles",
     "Conservatism",
     "DesignError",
     "EffectiveInterval",
@@ -116,7 +126,9 @@ __all__ = [
     "Failure",
     "Guarantee",
     "Hop",
+    "HumanDriver",
     "L2Gain",
+    "LeastShare",
     "Margins",
     "MultiPredecessorBounds",
     "NoiseStatistics",
@@ -137,6 +149,7 @@ __all__ = [
     "explain_verdict",
     "fallback_headway",
     "first_followers_gains",
+    "first_unstable_ring",
     "frequency_response",
     "frozen_noise_margin",
     "gamma",
@@ -156,14 +169,18 @@ __all__ = [
     "joint_critical_period",
     "joint_latency_margin",
     "k_a_max",
+    "keeps_peaks_without_lag",
     "l2_gain",
     "largest_variance",
     "latency_margin",
     "leader_error_gain",
     "leader_error_norm",
+    "least_connected_share",
     "linf_gain",
+    "longest_delay",
     "mean_square_index",
     "minimum_headway",
+    "mixed_traffic_growth",
     "multi_predecessor_bounds",
     "multi_predecessor_gains",
     "optimum",
@@ -187,6 +204,7 @@ __all__ = [
     "sure_error_gain",
     "sure_gain",
     "uniform_error_bound",
+    "unstable_turns",
     "worst_l2_gain",
     "worst_linf_gain",
     "worst_spacing",

@@ -16,6 +16,7 @@ from cacc_platoon.theory.certified_loop import CertifiedLoop
 from cacc_platoon.theory.end_to_end import end_to_end_gain
 from cacc_platoon.theory.exact import L2Gain, is_string_stable, least_margins, worst_l2_gain
 from cacc_platoon.theory.joint_loop import joint_critical_period, joint_latency_margin
+from cacc_platoon.theory.lag_free_peaks import keeps_peaks_without_lag
 from cacc_platoon.theory.latency import latency_margin
 from cacc_platoon.theory.lifted_hop import packet_interval
 from cacc_platoon.theory.mean_square import (
@@ -40,6 +41,7 @@ from cacc_platoon.theory.peak_gains import (
     worst_sure_gain,
 )
 from cacc_platoon.theory.region import stable_gain_range
+from cacc_platoon.theory.ring import first_unstable_ring
 from cacc_platoon.theory.sampled import is_sampled_string_stable
 from cacc_platoon.theory.sampling_limits import critical_loss, critical_period
 from cacc_platoon.theory.theorem2 import in_paper_region
@@ -128,6 +130,11 @@ class Certificate(CertifiedLoop):
         return self.worst_linf_gain.gain
 
     @property
+    def keeps_peaks_without_lag(self) -> bool:
+        """Whether peaks of the mean hop do not grow without lag, at both ends of I."""
+        return all(keeps_peaks_without_lag(self.gains, k) for k in self.effective_gains)
+
+    @property
     def _late(self) -> bool:
         return self.held < 1.0 or self.latency > 0.0
 
@@ -164,6 +171,12 @@ class Certificate(CertifiedLoop):
             late=self._late,
             tau=None if self.k_effective is None else self.tau_max,
         )
+
+    @cached_property
+    def first_unstable_ring(self) -> int | None:
+        """Fewest vehicles of an unstable ring, at `tau_max` and the ends of I; None for none."""
+        found = [first_unstable_ring(self.gains, self.tau_max, k) for k in self.effective_gains]
+        return min((number for number in found if number is not None), default=None)
 
     @cached_property
     def sampled_string_stable(self) -> bool:

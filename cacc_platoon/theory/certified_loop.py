@@ -25,14 +25,14 @@ if TYPE_CHECKING:
 __all__ = ["CertifiedLoop"]
 
 
-class WorstCase(TypedDict):
+class Tried(TypedDict):
     """What decides the effective gains that are tried."""
 
     reception: float
     k_effective: float | None
 
 
-class SampledWorstCase(WorstCase):
+class TriedSampled(Tried):
     """What decides them, and packets that are held."""
 
     held: float
@@ -112,11 +112,11 @@ class CertifiedLoop:
         )
 
     @property
-    def worst_case(self) -> WorstCase:
+    def worst_case(self) -> Tried:
         """Reception and known gain, as the worst cases of the theory take them."""
         return {"reception": self.reception, "k_effective": self.k_effective}
 
     @property
-    def sampled_worst_case(self) -> SampledWorstCase:
+    def sampled_worst_case(self) -> TriedSampled:
         """Those and the packets that are held."""
         return {**self.worst_case, "held": self.held}

@@ -28,6 +28,8 @@ from cacc_platoon.theory import (
 )
 
 CASE_A = "--k-a 0.5 --time-headway 0.95 --k-v 0.63 --k-p 0.009"
+CASE_E = "--k-a 0.5 --time-headway 0.75 --k-v 0.8 --k-p 0.5"
+FALLBACK = "--k-a 0.1 --time-headway 1.6 --k-v 0.7 --k-p 0.05"
 CASE_B = "--k-a 0.5 --time-headway 0.65 --k-v 0.63 --k-p 0.009"
 
 
@@ -250,6 +252,11 @@ def test_explanation_puts_numbers_into_the_formulas(capsys):
         f"--rho 5 {CASE_A} --predecessors 2 --write x.yaml",
         "--rho 5 --k-a 0.5 --time-headway 1 --k-v -1 --k-p 0.1",
         "--rho 5 --max-headway 0.5",
+        "--rho 5 --human 0.5 0.1 1.4 0.4",
+        f"--rho 5 {CASE_A} --human 0.5 0.1 1.4 2.1",
+        f"--rho 5 {CASE_A} --human 0.5 nan 1.4 0.4",
+        f"--rho 5 {CASE_A} --human 0.5 0.1 1.4 -0.4",
+        f"--rho 5 {CASE_A} --human 0.5 0.1 1.4 0.4 --predecessors 2",
     ],
 )
 def test_bad_input_is_refused_in_one_line_and_nothing_is_printed(question, capsys):
@@ -273,6 +280,23 @@ def test_extensions_are_answered(capsys):
     assert data["extensions"]["reception"]["string_stable"]
     assert platoon_design(f"--rho 5 --tau-max 0.5 --max-headway 0.6 {more}") == 0
     assert "Predecessors 2" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        (CASE_A, "stable with every number of them"),
+        (CASE_B, "UNSTABLE with 52, stable with fewer, at tau_0 and the worse end of I"),
+        (f"{CASE_B} --k-effective 0.524086844", "UNSTABLE with 75, stable with fewer"),
+        (f"{CASE_B} --human 0.5 0.1 1.4 0.4", "no share is enough, connected vehicles amplify"),
+        (f"{CASE_E} --human 0.5 0.1 1.4 0.4", "connected vehicles from 0.9071 on (slow motions"),
+        (f"{CASE_E} --human 0.6 0.2 1.4 1", "from 0.9688 on (motions of 0.8415 rad/s"),
+        (f"{FALLBACK} --human 1 0.2 2 0.1", "nothing grows, almost surely, for any share"),
+    ],
+)  # fmt: skip
+def test_rings_and_mixed_traffic_are_a_line_each(asked, words, capsys):
+    assert platoon_design(f"--rho 5 --tau-max 0.5 {asked}") == 0
+    assert words in capsys.readouterr().out
 
 
 def test_text_and_data_say_the_same():
