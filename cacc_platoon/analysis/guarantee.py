@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from cacc_platoon.model.noise import expected_factor, factor_variance
 from cacc_platoon.theory import NoiseStatistics
+from cacc_platoon.theory.guarantees import largest_peaks
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -40,8 +41,11 @@ def _largest_error(certificates: Sequence[Certificate]) -> str:
 def of_unequal(row: Guarantee, certificates: Sequence[Certificate]) -> Guarantee:
     """Make one vehicle's guarantee that of a platoon of unequal ones.
 
-    Of energies of errors it is the largest; of what is between vehicles nothing is said.
+    Of energies of errors and of peaks of accelerations it is the largest; of what is between
+    vehicles nothing is said.
     """
+    if row.signal == "peaks of a_i":
+        return largest_peaks(certificates)
     if row.signal == "energy of delta_i" and all(one.string_stable for one in certificates):
         row = row._replace(mean=f"may grow; at most {_largest_error(certificates)}")
     unsaid = "not said of unequal links" if row.mean_square != "-" else "-"

@@ -43,7 +43,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     question.add_argument(
         "--v2v-period",
         type=float,
-        help="time from packet to packet [s], a multiple of the control period (one every period)",
+        help="time from packet to packet [s], a multiple of the control period; all vehicles send "
+        "at the same instants (one every period)",
     )
     question.add_argument("--reception", type=float, default=1.0, help="least packet reception (1)")
     question.add_argument(
@@ -65,7 +66,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     design.add_argument(
         "--chance",
         type=float,
-        help="probability with which a link may amplify whose noise is drawn once: its headway",
+        help="give the headway at which a link whose noise is drawn once amplifies with this "
+        "probability, in continuous time",
     )
     limits = parser.add_argument_group(
         "what designs must keep to, together with period, latency and reception"
@@ -185,6 +187,7 @@ def _question(args: argparse.Namespace) -> Question:
                 f"--{flag} {value:g} is not from {low:g} to {high:g}: its squares are no numbers "
                 "to compute with. Give one in between."
             )
+    _check_range(args)
     requirements = Requirements(
         period=args.period,
         latency=args.latency,
@@ -223,6 +226,18 @@ def _question(args: argparse.Namespace) -> Question:
         human=None if args.human is None else HumanDriver(*args.human),
     )
     return question.for_predecessors(args.predecessors)
+
+
+def _check_range(args: argparse.Namespace) -> None:
+    """Refuse what overflows or vanishes in squares and ratios; what is below 0 is refused later."""
+    names = ("time_headway", "k_a", "k_v", "k_p", "period", "latency", "v2v_period", "speed")
+    for name in (*names, "braking", "standstill_gap", "max_headway"):
+        value = getattr(args, name)
+        if value is not None and (0.0 < value < 1e-12 or value > 1e9):
+            raise DesignError(
+                f"--{name.replace('_', '-')} {value:g} is not from 1e-12 to 1e9: nothing can be "
+                "computed with it. Give one in between."
+            )
 
 
 def _noise(rho: float, bits: tuple[float, ...], period: float) -> NoiseStatistics:

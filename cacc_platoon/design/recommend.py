@@ -24,7 +24,7 @@ from cacc_platoon.design.requirements import (
 )
 from cacc_platoon.theory.errors import require
 from cacc_platoon.theory.exact import TOLERANCE
-from cacc_platoon.theory.lifted_hop import packet_interval
+from cacc_platoon.theory.lifted_hop import MOST_INTERVAL, packet_interval
 from cacc_platoon.theory.noise_interval import k_a_max
 from cacc_platoon.theory.region import minimum_headway
 from cacc_platoon.theory.theorem2 import optimum
@@ -197,7 +197,7 @@ def _critical_interval(
     """Estimate the longest time from packet to packet, on a scale of ratios, where one is asked."""
     asked = packet_interval(ask.v2v_period or ask.period, ask.period)
     found, left = np.full(len(c), float(asked)), np.arange(len(c))
-    for interval in sorted({round(ratio * asked) for ratio in _LONGER}):
+    for interval in sorted({min(round(ratio * asked), MOST_INTERVAL) for ratio in _LONGER}):
         left = left[_bears_packets(c.pick(left), estimates, ask, interval)]
         found[left] = interval
     return found

@@ -171,10 +171,12 @@ class Requirements:
         if grown is None or grown.growth <= 1:
             return []
         late = f" that comes {self.latency:g} s late" if self.latency else ""
+        critical = certificate.critical_v2v_period
+        until = f"; up to {critical:.4g} s they do not" if critical else ""
         return [
-            f"with a packet every {self.v2v_period:g} s{late}{self._losing()}, accelerations grow "
-            f"by {grown.growth:.6g} per hop at {grown.omega:.4g} rad/s; up to "
-            f"{certificate.critical_v2v_period:.4g} s they do not"
+            f"with a packet every {self.v2v_period:g} s{late}{self._losing()}, all sent at the "
+            f"same instants, accelerations grow by {grown.growth:.6g} per hop at "
+            f"{grown.omega:.4g} rad/s{until}"
         ]
 
     def worst_gap(self, certificate: Certificate) -> float:

@@ -127,11 +127,13 @@ def _rate_lines(rate: dict[str, Any] | None) -> list[str]:
         if grows == 1
         else f"accelerations GROW by {_number(grows)} per hop at {rate['frequency']:.4g} rad/s"
     )
+    longest = rate["critical_period"]
+    until = f"they begin to above {_number(longest)} s" if longest != 0 else "they do at any period"
     return [
         f"  a packet every {rate['period']:g} s, held: {grown}, in the mean, all sent at the same "
-        f"instants; they begin to above {_number(rate['critical_period'])} s",
-        f"  |a_12|_2 <= {_number(rate['end_to_end_gain'])} |a_0|_2 (above 1 also for what falls "
-        "between packets)",
+        f"instants; {until}",
+        f"  |a_12|_2 <= {_number(rate['end_to_end_gain'])} |a_0|_2, also of signals so fast that "
+        "they fall between packets",
     ]
 
 
@@ -191,7 +193,8 @@ def _chance_lines(chance: dict[str, Any] | None) -> list[str]:
     if chance is None:
         return []
     return [
-        f"Noise drawn once per link (16 bits, the paper's probabilities): a link amplifies with "
+        f"Noise drawn once per link (16 bits, the paper's probabilities; in continuous time, each "
+        f"packet used at once): a link amplifies with "
         f"probability {chance['amplifying']:.4g}; with at most {chance['probability']:g} from a "
         f"headway of {_number(chance['headway'])} s on, never from "
         f"{_number(chance['worst_headway'])} s on"

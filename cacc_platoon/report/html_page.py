@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cacc_platoon.figures.style import standalone
-from cacc_platoon.notation import as_html, as_text
+from cacc_platoon.notation import as_html
 
 if TYPE_CHECKING:
     from cacc_platoon.bags.raw import Progress
@@ -26,7 +26,7 @@ def html_page(title: str, body: str, data: dict[str, Any]) -> str:
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         '<meta name="color-scheme" content="light dark">\n'
-        f"<title>{html.escape(as_text(title))}</title>\n<style>{STYLE.read_text(encoding='utf-8')}</style>\n</head>\n"
+        f"<title>{html.escape(title)}</title>\n<style>{STYLE.read_text(encoding='utf-8')}</style>\n</head>\n"
         f'<body>\n{body}\n<script type="application/json" id="metrics">{text}</script>\n'
         "</body>\n</html>\n"
     )

@@ -136,7 +136,7 @@ class Certificate(CertifiedLoop):
 
     @property
     def _late(self) -> bool:
-        return self.held < 1.0 or self.latency > 0.0
+        return self.held < 1.0 or self.latency > 0.0 or self.rare
 
     @cached_property
     def worst_sure_gain(self) -> WorstGain:
@@ -348,7 +348,7 @@ class Certificate(CertifiedLoop):
             for name, part in vars(kind).items()
             if isinstance(part, cached_property | property)
             and not name.startswith(("_", "fails"))
-            and not name.endswith("worst_case")
+            and not name.endswith(("worst_case", "rare"))
         }
 
 

@@ -120,3 +120,8 @@ class CertifiedLoop:
     def sampled_worst_case(self) -> TriedSampled:
         """Those and the packets that are held."""
         return {**self.worst_case, "held": self.held}
+
+    @property
+    def rare(self) -> bool:
+        """Whether packets come less often than once a control period."""
+        return self.v2v_period is not None and packet_interval(self.v2v_period, self.period) > 1

@@ -166,8 +166,8 @@ def chance_constrained_headway(
 
     low, high = 0.0, tau_max
     while not enough(high):
-        low, high = high, 2.0 * high
-        if high > _LONGEST * tau_max:
+        low, high = high, min(2.0 * high, _LONGEST * tau_max)
+        if low == high:
             raise DesignError(
                 f"no headway up to {_LONGEST * tau_max:g} s lets at most {probability:g} of the "
                 f"links amplify with k_a = {gains.k_a:g}, k_v = {gains.k_v:g}, k_p = "

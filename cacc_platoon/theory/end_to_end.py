@@ -59,8 +59,9 @@ def end_to_end_gain(
     Returns
     -------
     float
-        Supremum over frequency of the largest singular value of the product of the lifted hops
-        (numerical: a search over angles); infinite as in `multirate_growth`.
+        Supremum over frequency of the largest singular value of the product of the lifted hops, at
+        least 1, since a leader may drive on (numerical: a search over angles); infinite as in
+        `multirate_growth`.
 
     Raises
     ------
@@ -95,7 +96,7 @@ def end_to_end_gain(
 
     at = int(np.argmax(gain(angle)))
     low, high = angle[[max(at - 1, 0)]], angle[[min(at + 1, angle.size - 1)]]
-    return float(refined_peaks(gain, low, high)[0][0])
+    return max(1.0, float(refined_peaks(gain, low, high)[0][0]))
 
 
 def _largest_singular_value(

@@ -160,14 +160,26 @@ def explain_verdict(certificate: Certificate) -> str:
     if failure is not None:
         return str(failure)
     if certificate.k_effective is not None:
-        return f"string stable {_where(certificate)}: sup|H| = 1{_holding(certificate)}"
+        known = f"string stable {_where(certificate)}: sup|H| = 1"
+        return f"{known}{_holding(certificate)}{_rate(certificate)}"
     basis = "in the paper's region S" if certificate.in_paper_region else "exact test"
     return (
         f"robustly string stable ({basis}): sup|H| = 1 for every lag up to "
         f"{certificate.tau_max:g} s and all noise of rho >= {certificate.rho:g}"
         f"{_losses(certificate)}; in the mean the energy of a_i, and of delta_i where all links "
         "are equal, does not grow along the platoon."
-        f"{_holding(certificate)}"
+        f"{_holding(certificate)}{_rate(certificate)}"
+    )
+
+
+def _rate(certificate: Certificate) -> str:
+    """Say what a V2V period of its own takes away from that."""
+    grown = certificate.v2v_growth
+    if grown is None or grown.growth <= 1.0:
+        return ""
+    return (
+        f" All that with a packet every control period; with one every {certificate.v2v_period:g} "
+        f"s accelerations grow by {grown.growth:.6g} per hop."
     )
 
 

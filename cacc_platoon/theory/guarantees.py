@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, NamedTuple
 from cacc_platoon.theory.errors import DesignError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable, Sequence
 
     from cacc_platoon.theory.certificate import Certificate
     from cacc_platoon.theory.peak_gains import WorstGain
 
-__all__ = ["Guarantee", "guarantees"]
+__all__ = ["Guarantee", "guarantees", "largest_peaks"]
 
 NONE = "-"
 _RINGS = "the loop rings too long for a bound"
@@ -69,16 +69,12 @@ def guarantees(certificate: Certificate, *, equal_links: bool = True) -> tuple[G
     return (
         Guarantee(
             "energy of a_i",
-            f"does not grow: {gain}" if stable else f"may grow: {gain}",
+            _at_its_rate(certificate)
+            or (f"does not grow: {gain}" if stable else f"may grow: {gain}"),
             _mean_square(certificate),
             "no design that listens keeps it from growing" if certificate.gains.k_a else _SILENT,
         ),
-        Guarantee(
-            "peaks of a_i",
-            _known(lambda: _peaks(certificate.worst_linf_gain)) + of_loop,
-            NONE,
-            _known(lambda: _peaks(certificate.worst_sure_gain)),
-        ),
+        largest_peaks([certificate]),
         Guarantee("energy of delta_i", _error_energy(certificate, equal=equal_links), NONE, NONE),
         Guarantee(
             "peaks of delta_i",
@@ -92,11 +88,36 @@ def guarantees(certificate: Certificate, *, equal_links: bool = True) -> tuple[G
     )
 
 
+def largest_peaks(certificates: Sequence[Certificate]) -> Guarantee:
+    """Say what holds for the peaks of every vehicle's acceleration, each against the one before."""
+
+    def largest(gains: Iterable[WorstGain]) -> WorstGain:
+        return max(gains, key=lambda worst: worst.gain)
+
+    left_out = max((_left_out(one) for one in certificates), key=len)
+    return Guarantee(
+        "peaks of a_i",
+        _known(lambda: _peaks(largest(one.worst_linf_gain for one in certificates))) + left_out,
+        NONE,
+        _known(lambda: _peaks(largest(one.worst_sure_gain for one in certificates))),
+    )
+
+
 def _left_out(certificate: Certificate) -> str:
     """Say what the gains of the mean loop, which is in continuous time, leave out."""
     losses = ["losses"] if certificate.held < 1.0 else []
     parts = [*losses, *(["latency"] if certificate.latency else [])]
+    parts += ["a V2V period of its own"] if certificate.rare else []
     return f", of the loop without {' and '.join(parts)}" if parts else ""
+
+
+def _at_its_rate(certificate: Certificate) -> str:
+    """Say what holds in the long run where packets have a period of their own, else nothing."""
+    if not certificate.rare or certificate.v2v_growth is None:
+        return ""
+    growth = certificate.v2v_growth.growth
+    grows = f"grows by {growth:.6g} per hop in the long run" if growth > 1 else "does not grow"
+    return f"{grows} with a packet every {certificate.v2v_period:g} s, sent at the same instants"
 
 
 def _known(say: Callable[[], str]) -> str:
@@ -149,6 +170,8 @@ def _peaks(worst: WorstGain) -> str:
 def _error_energy(certificate: Certificate, *, equal: bool) -> str:
     if not certificate.string_stable:
         return "may grow"
+    if certificate.rare:
+        return "not known: packets have a period of their own"
     if equal:
         return "does not grow from the second vehicle on"
     most = f"may grow; at most {certificate.leader_error_gain:.4g} s^2 |a_0|_2"

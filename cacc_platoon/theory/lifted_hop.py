@@ -35,8 +35,10 @@ if TYPE_CHECKING:
 
 __all__ = [
     "MOST_INTERVAL",
+    "MOST_LATE",
     "PacketTimes",
     "first_order_radius",
+    "full_radius",
     "mean_phase_size",
     "packet_interval",
     "refined_peaks",
@@ -45,6 +47,9 @@ __all__ = [
 
 MOST_INTERVAL = 256
 """Control periods per packet up to which is computed: so many frequencies mix."""
+
+MOST_LATE = 100_000
+"""Control periods that a packet may be late."""
 
 _LOCAL, _PASSES = 13, 4
 _NEAR, _ELIMINATIONS, _UNLIKELY, _SETTLED = (3, 12, 32), 8, 2.0, 1e-10
@@ -101,6 +106,11 @@ class PacketTimes(NamedTuple):
             0 <= latency < math.inf,
             f"latency = {latency:g} s is not a finite, nonnegative time: no margin can cover it. "
             "Give the largest V2V latency in seconds.",
+        )
+        require(
+            latency <= MOST_LATE * period,
+            f"latency = {latency:g} s is more than {MOST_LATE} control periods of {period:g} s: no "
+            "design bears that. Shorten it or lengthen the period.",
         )
         require_held(held)
         require(held > 0, "held = 0 leaves nothing to hold. Give a reception above 0.")
@@ -182,6 +192,13 @@ def spectral_radius(parts: Parts) -> Float:
         if near >= u.shape[-1] or not np.isnan(radius).any():
             break
     return radius
+
+
+def full_radius(parts: Parts) -> float:
+    """Largest eigenvalue of one hop, by all of them."""
+    diagonal, u = parts
+    matrix = np.repeat(u[:, np.newaxis], u.size, axis=1) + np.diag(diagonal)
+    return float(np.abs(np.linalg.eigvals(matrix)).max())
 
 
 def _eliminated(diagonal: Complex, u: Complex, near: int) -> Float:

@@ -19,6 +19,7 @@ from cacc_platoon.theory.lifted_hop import (
     MOST_INTERVAL,
     PacketTimes,
     first_order_radius,
+    full_radius,
     mean_phase_size,
     refined_peaks,
     spectral_radius,
@@ -48,6 +49,7 @@ __all__ = [
 _ANGLES, _PEAKS, _ESTIMATED = 96, 4, 5
 _AROUND = 1.0 + np.array([-0.1, -0.03, -0.01, -1e-3, 0.0, 1e-3, 0.01, 0.03, 0.1])
 _GROWS = 1.0 + TOLERANCE
+_ON_THEIR_WAY = 4
 _TURNS = np.concatenate((np.geomspace(1e-4, 0.1, 16), np.linspace(0.1, np.pi, 40)[1:]))
 
 
@@ -97,13 +99,10 @@ def _growth(packets: PacketTimes, gains: Gains, pairs: tuple[Float, Float]) -> H
     """
     if not _own_loops_stable(gains, pairs, packets.period):
         return HopGrowth(math.inf, 0.0, float(pairs[0][-1, 0]), float(pairs[1][-1, 0]))
-    radius, turn, row = _peak(
-        lambda turn, tau, k: repeated_motion_radius(packets, gains, tau, k, turn), _TURNS, pairs
-    )
+    radius, near, row = _amplified(packets, gains, pairs)
     tau, k = (float(column[row, 0]) for column in pairs)
     if not radius > _GROWS:
         return HopGrowth(1.0, 0.0, tau, k)
-    near = abs(cmath.phase(complex(repeated_motion(packets, gains, tau, k, turn))))
     angles = np.concatenate((packets.angles(gains, _ANGLES), near * _AROUND))
     growth, angle, _ = _peak(
         lambda angle, tau, k: spectral_radius(packets.hop(gains, tau, k, angle)),
@@ -111,7 +110,34 @@ def _growth(packets: PacketTimes, gains: Gains, pairs: tuple[Float, Float]) -> H
         (np.array([[tau]]), np.array([[k]])),
     )
     omega = angle / (packets.period * packets.interval)
+    growth = full_radius(packets.hop(gains, tau, k, angle))
     return HopGrowth(max(growth, math.nextafter(1.0, 2.0)), omega, tau, k)
+
+
+def _amplified(
+    packets: PacketTimes, gains: Gains, pairs: tuple[Float, Float], *, enough: float = math.inf
+) -> tuple[float, float, int]:
+    """Say whether the worst pair amplifies, above one, at which angle, and which pair that is.
+
+    With many packets on their way the lifted hop is smaller than a repeated motion's matrix.
+    """
+    if packets.latency > _ON_THEIR_WAY * packets.interval:
+        angles = packets.angles(gains, _ANGLES)
+        return _peak(
+            lambda angle, tau, k: spectral_radius(packets.hop(gains, tau, k, angle)),
+            angles,
+            pairs,
+            enough=enough,
+        )
+    radius, turn, row = _peak(
+        lambda turn, tau, k: repeated_motion_radius(packets, gains, tau, k, turn),
+        _TURNS,
+        pairs,
+        enough=enough,
+    )
+    tau, k = (float(column[row, 0]) for column in pairs)
+    motion = complex(repeated_motion(packets, gains, tau, k, turn))
+    return radius, abs(cmath.phase(motion)), row
 
 
 def _own_loops_stable(gains: Gains, pairs: tuple[Float, Float], period: float) -> bool:
@@ -321,12 +347,7 @@ def critical_v2v_period(
 
     def grows(interval: int, rows: slice | NDArray[np.bool_] = slice(None)) -> bool:
         now = packets._replace(interval=interval)
-        found, _, _ = _peak(
-            lambda turn, tau, k: repeated_motion_radius(now, gains, tau, k, turn),
-            _TURNS,
-            (pairs[0][rows], pairs[1][rows]),
-            enough=_GROWS,
-        )
+        found, _, _ = _amplified(now, gains, (pairs[0][rows], pairs[1][rows]), enough=_GROWS)
         return found > _GROWS
 
     if not kept_at and (not _own_loops_stable(gains, pairs, period) or grows(1)):
