@@ -193,6 +193,18 @@ def test_a_given_design_is_written_at_any_period(tmp_path, period):
     assert scenario.run.duration >= 200
 
 
+@pytest.mark.parametrize("flag", ["--time-headway", "--k-v", "--k-p", "--period", "--v2v-period"])
+@pytest.mark.parametrize("value", ["1e300", "1e-300"])
+def test_what_cannot_be_computed_with_is_refused(flag, value):
+    with pytest.raises(DesignError, match=f"{flag} {value.replace('e3', r'e.?3')} is not from"):
+        platoon_design(f"--rho 5 --tau-max 0.5 {CASE_A} {flag} {value}")
+
+
+def test_a_packet_a_second_can_be_asked_for(capsys):
+    assert platoon_design("--rho 5 --tau-max 0.5 --v2v-period 1 --max-headway 1.2") == 0
+    assert "V2V [s]" in capsys.readouterr().out
+
+
 def test_what_no_scenario_can_say_is_said(tmp_path, capsys):
     asked = f"--rho 5 --tau-max 0.5 {CASE_A} --latency 0.02 --v2v-period 0.1"
     assert platoon_design(f"{asked} --write {tmp_path / 'late.yaml'}") == 0

@@ -9,7 +9,15 @@ from hypothesis import strategies as st
 
 from cacc_platoon.model import Gains
 from cacc_platoon.simulation.brute_force import lifted_growth, norm_ratios, response
-from cacc_platoon.theory import DesignError, certify, exact_region, minimum_headway
+from cacc_platoon.theory import (
+    DesignError,
+    certify,
+    exact_region,
+    explain_verdict,
+    guarantees,
+    minimum_headway,
+    worst_sure_gain,
+)
 from cacc_platoon.theory.end_to_end import end_to_end_gain
 from cacc_platoon.theory.lifted_hop import PacketTimes, packet_interval, spectral_radius
 from cacc_platoon.theory.multirate import (
@@ -202,6 +210,49 @@ def test_certificate():
     assert certify(A, 5.0, 0.5).v2v_end_to_end_gain(12) is None
 
 
+def test_what_is_guaranteed_is_of_packets_at_their_own_rate():
+    """An old acceleration is in use: the peaks are those of one that may be late in any way."""
+    fresh, rare = certify(D, 5.0, 0.5), certify(D, 5.0, 0.5, v2v_period=1.0)
+    late = worst_sure_gain(D, 5.0, 0.5, late=True)
+    assert rare.worst_sure_gain == late != fresh.worst_sure_gain
+    assert certify(D, 5.0, 0.5, v2v_period=0.01).worst_sure_gain == fresh.worst_sure_gain
+    energy, peaks, errors, _, frozen = guarantees(rare)
+    assert energy.mean.startswith(
+        "grows by 1.38221 per hop in the long run with a packet every 1 s"
+    )
+    assert "not known" in energy.mean_square
+    assert peaks.mean.endswith("of the loop without a V2V period of its own")
+    assert "not known" in errors.mean
+    assert "not known" in frozen.mean_square
+    assert "with one every 1 s accelerations grow by 1.38221 per hop" in explain_verdict(rare)
+    kept = certify(D, 5.0, 0.5, v2v_period=0.3)
+    assert guarantees(kept)[0].mean.startswith("does not grow with a packet every 0.3 s")
+    assert "with one every" not in explain_verdict(kept)
+
+
+def test_phases_of_their_own_may_be_worse_than_equal_ones():
+    """Each vehicle sends one control period after its predecessor; at once, nothing grows."""
+    gains = Gains(1.0276291, 0.5204794, 0.4646634, 0.3213722)
+    k = (1 + 1 / 6.2338) * gains.k_a
+    assert multirate_growth(gains, 0.5, k, 0.04, 14, latency=0.08).growth == 1.0
+    known = {"latency": 0.08}
+    ends = [
+        end_to_end_gain(
+            gains, 0.5, k, 0.04, 14, vehicles=n, phases=[i % 14 for i in range(n)], **known
+        )
+        for n in (40, 80)
+    ]
+    assert ends[1] > 1.1 * ends[0]
+
+
+@pytest.mark.parametrize("late", [0.5, 10.0])
+def test_many_packets_on_their_way(late):
+    growth = multirate_growth(A, 0.5, 0.6, 0.01, 10, latency=late).growth
+    brute = lifted_growth(A, 0.5, 0.6, 0.01, 10, age=round(late / 0.01), count=3000)
+    assert growth == pytest.approx(brute, rel=2e-3)
+    assert growth > brute * (1 - 1e-3)
+
+
 @pytest.mark.parametrize(
     ("v2v_period", "words"),
     [
@@ -224,6 +275,8 @@ def test_wrong_values():
         multirate_growth(A, 0.5, 0.6, 0.01, 0)
     with pytest.raises(DesignError, match="latency = -1"):
         multirate_growth(A, 0.5, 0.6, 0.01, 2, latency=-1.0)
+    with pytest.raises(DesignError, match="more than 100000 control periods"):
+        multirate_growth(A, 0.5, 0.6, 0.01, 2, latency=1e4)
     with pytest.raises(DesignError, match="held = 0"):
         multirate_growth(A, 0.5, 0.6, 0.01, 2, held=0.0)
     with pytest.raises(DesignError, match="phases = 2 values for vehicles = 3"):
