@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy import signal
+from scipy.integrate import trapezoid
 
 from cacc_platoon.model import Gains
 from cacc_platoon.reproduction import theorem_slips as module
@@ -60,7 +61,7 @@ def test_two_norms_by_a_simulated_impulse_response():
         damping = gains.k_v + gains.time_headway * gains.k_p
         hop = [gains.k_a * MEAN, gains.k_v, gains.k_p], [0.5, 1.0, damping, gains.k_p]
         _, h = signal.impulse(hop, T=time)
-        norm = np.trapezoid(np.abs(h), time)
+        norm = trapezoid(np.abs(h), time)
         assert float(text.split()[0]) == pytest.approx(norm, abs=2e-4)
 
 
