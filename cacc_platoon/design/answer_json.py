@@ -80,11 +80,15 @@ def _ring_document(certificate: Certificate) -> dict[str, Any]:
 
 
 def _rate_document(certificate: Certificate) -> dict[str, Any]:
-    growth = certificate.v2v_growth
+    growth, phases = certificate.v2v_growth, certificate.v2v_phase_growth
     return {
         "period": certificate.v2v_period,
         "growth_per_hop": growth.growth if growth else None,
         "frequency": growth.omega if growth else None,
+        "phases": {
+            "growth_per_hop": phases.growth.growth if phases else None,
+            "step": phases.step if phases else None,
+        },
         "critical_period": certificate.critical_v2v_period,
         "end_to_end_gain": certificate.v2v_end_to_end_gain(VEHICLES),
     }

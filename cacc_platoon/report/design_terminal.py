@@ -127,11 +127,19 @@ def _rate_lines(rate: dict[str, Any] | None) -> list[str]:
         if grows == 1
         else f"accelerations GROW by {_number(grows)} per hop at {rate['frequency']:.4g} rad/s"
     )
-    longest = rate["critical_period"]
+    phases, longest = rate["phases"], rate["critical_period"]
+    shifted = (
+        f"{_number(phases['growth_per_hop'])} per hop when each vehicle sends {phases['step']} "
+        "control periods after its predecessor"
+        if phases["step"]
+        else "no more when each vehicle sends later than its predecessor, by any of the numbers of "
+        "control periods tried"
+    )
     until = f"they begin to above {_number(longest)} s" if longest != 0 else "they do at any period"
     return [
         f"  a packet every {rate['period']:g} s, held: {grown}, in the mean, all sent at the same "
         f"instants; {until}",
+        f"    they grow by {shifted}" if phases["step"] else f"    they grow {shifted}",
         f"  |a_12|_2 <= {_number(rate['end_to_end_gain'])} |a_0|_2, also of signals so fast that "
         "they fall between packets",
     ]

@@ -12,22 +12,15 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from cacc_platoon.theory.certified_loop import CertifiedLoop
-from cacc_platoon.theory.end_to_end import end_to_end_gain
+from cacc_platoon.theory.certified_rate import CertifiedRate
 from cacc_platoon.theory.exact import L2Gain, is_string_stable, least_margins, worst_l2_gain
 from cacc_platoon.theory.joint_loop import joint_critical_period, joint_latency_margin
 from cacc_platoon.theory.lag_free_peaks import keeps_peaks_without_lag
 from cacc_platoon.theory.latency import latency_margin
-from cacc_platoon.theory.lifted_hop import packet_interval
 from cacc_platoon.theory.mean_square import (
     NoiseStatistics,
     leader_error_norm,
     worst_leader_error_gain,
-)
-from cacc_platoon.theory.multirate import (
-    HopGrowth,
-    critical_v2v_period,
-    worst_multirate_growth,
 )
 from cacc_platoon.theory.noise_growth import worst_frozen_noise_margin, worst_mean_square_index
 from cacc_platoon.theory.peak_gains import (
@@ -56,7 +49,7 @@ __all__ = ["Certificate", "certify"]
 
 
 @dataclass(frozen=True)
-class Certificate(CertifiedLoop):
+class Certificate(CertifiedRate):
     """What one design guarantees: worst over tau in (0, tau_max] and I unless stated otherwise.
 
     The fields are the question, two equal questions are equal certificates. The parts are its
@@ -235,57 +228,6 @@ class Certificate(CertifiedLoop):
             **self.sampled_worst_case,
         )
 
-    @property
-    def _interval(self) -> int:
-        """Control periods from packet to packet."""
-        return packet_interval(self.v2v_period or self.period, self.period)
-
-    @cached_property
-    def v2v_growth(self) -> HopGrowth | None:
-        """Growth per hop with a packet every `v2v_period`; None without one of its own."""
-        if self.v2v_period is None:
-            return None
-        return worst_multirate_growth(
-            self.gains,
-            self.rho,
-            self.tau_max,
-            self.period,
-            self._interval,
-            latency=self.latency,
-            **self.sampled_worst_case,
-        )
-
-    @cached_property
-    def critical_v2v_period(self) -> float:
-        """Longest time [s] from packet to packet at which nothing grows."""
-        kept = self.v2v_growth is not None and self.v2v_growth.growth <= 1.0
-        return critical_v2v_period(
-            self.gains,
-            self.rho,
-            self.tau_max,
-            self.period,
-            latency=self.latency,
-            kept_at=packet_interval(self.v2v_period, self.period)
-            if kept and self.v2v_period
-            else 0,
-            **self.sampled_worst_case,
-        )
-
-    def v2v_end_to_end_gain(self, vehicles: int) -> float | None:
-        """Largest ``|a_N|_2`` per ``|a_0|_2``, packets every `v2v_period`, where they grow most."""
-        if self.v2v_growth is None:
-            return None
-        return end_to_end_gain(
-            self.gains,
-            max(self.v2v_growth.tau, 1e-6 * self.tau_max),
-            self.v2v_growth.k_effective,
-            self.period,
-            self._interval,
-            vehicles=vehicles,
-            latency=self.latency,
-            held=self.held,
-        )
-
     @cached_property
     def latency_margin(self) -> float:
         """Largest V2V latency [s] of the loop in continuous time, held packets left aside."""
@@ -344,7 +286,7 @@ class Certificate(CertifiedLoop):
         """Compute every part, and return them by name; with `held` not all can be."""
         return {
             name: getattr(self, name)
-            for kind in (CertifiedLoop, Certificate)
+            for kind in type(self).__mro__
             for name, part in vars(kind).items()
             if isinstance(part, cached_property | property)
             and not name.startswith(("_", "fails"))

@@ -154,6 +154,14 @@ class PacketTimes(NamedTuple):
         heard = a1 * d * d / loop * mean * np.exp(-1j * turn * self.latency) * share
         return own / loop, k * heard
 
+    def shifted(self, parts: Parts, angle: ArrayLike, step: int) -> Parts:
+        """Return the hop when each vehicle sends `step` control periods after its predecessor."""
+        turn = (np.asarray(angle, dtype=float)[..., np.newaxis] + 2.0 * np.pi * self.aliases) / (
+            self.interval
+        )
+        later = np.exp(1j * turn * step)
+        return parts[0] * later, parts[1] * later
+
     def angles(self, gains: Gains, count: int) -> Float:
         """Lay angles from where a slow signal varies up to half a turn per V2V period."""
         h, _, k_v, k_p = gains

@@ -20,7 +20,6 @@ from cacc_platoon.theory.lifted_hop import (
     PacketTimes,
     first_order_radius,
     full_radius,
-    mean_phase_size,
     refined_peaks,
     spectral_radius,
 )
@@ -41,14 +40,14 @@ __all__ = [
     "HopGrowth",
     "critical_v2v_period",
     "estimated_growth",
-    "mean_phase_growth",
+    "largest_peak",
     "multirate_growth",
     "worst_multirate_growth",
 ]
 
-_ANGLES, _PEAKS, _ESTIMATED = 96, 4, 5
+ANGLES, _PEAKS, _ESTIMATED = 96, 4, 5
 _AROUND = 1.0 + np.array([-0.1, -0.03, -0.01, -1e-3, 0.0, 1e-3, 0.01, 0.03, 0.1])
-_GROWS = 1.0 + TOLERANCE
+GROWS = 1.0 + TOLERANCE
 _ON_THEIR_WAY = 4
 _TURNS = np.concatenate((np.geomspace(1e-4, 0.1, 16), np.linspace(0.1, np.pi, 40)[1:]))
 
@@ -101,10 +100,10 @@ def _growth(packets: PacketTimes, gains: Gains, pairs: tuple[Float, Float]) -> H
         return HopGrowth(math.inf, 0.0, float(pairs[0][-1, 0]), float(pairs[1][-1, 0]))
     radius, near, row = _amplified(packets, gains, pairs)
     tau, k = (float(column[row, 0]) for column in pairs)
-    if not radius > _GROWS:
+    if not radius > GROWS:
         return HopGrowth(1.0, 0.0, tau, k)
-    angles = np.concatenate((packets.angles(gains, _ANGLES), near * _AROUND))
-    growth, angle, _ = _peak(
+    angles = np.concatenate((packets.angles(gains, ANGLES), near * _AROUND))
+    growth, angle, _ = largest_peak(
         lambda angle, tau, k: spectral_radius(packets.hop(gains, tau, k, angle)),
         np.unique(np.clip(angles, None, np.pi)),
         (np.array([[tau]]), np.array([[k]])),
@@ -122,14 +121,14 @@ def _amplified(
     With many packets on their way the lifted hop is smaller than a repeated motion's matrix.
     """
     if packets.latency > _ON_THEIR_WAY * packets.interval:
-        angles = packets.angles(gains, _ANGLES)
-        return _peak(
+        angles = packets.angles(gains, ANGLES)
+        return largest_peak(
             lambda angle, tau, k: spectral_radius(packets.hop(gains, tau, k, angle)),
             angles,
             pairs,
             enough=enough,
         )
-    radius, turn, row = _peak(
+    radius, turn, row = largest_peak(
         lambda turn, tau, k: repeated_motion_radius(packets, gains, tau, k, turn),
         _TURNS,
         pairs,
@@ -146,7 +145,7 @@ def _own_loops_stable(gains: Gains, pairs: tuple[Float, Float], period: float) -
     return bool(in_unit_disc(hop.loop, np.asarray(period)).all())
 
 
-def _peak(
+def largest_peak(
     measure: Callable[[Float, Float, Float], Float],
     places: Float,
     pairs: tuple[Float, Float],
@@ -225,40 +224,6 @@ def multirate_growth(
     require_positive("tau", tau, "s")
     packets = PacketTimes.of(period, interval, latency, held)
     return _growth(packets, gains, (np.array([[tau]]), np.array([[k_effective]])))
-
-
-def mean_phase_growth(
-    gains: Gains,
-    tau: float,
-    k_effective: float,
-    period: float,
-    interval: int,
-    *,
-    latency: float = 0.0,
-    held: float = 1.0,
-) -> HopGrowth:
-    """`multirate_growth` in the mean over phases, when each vehicle sends at its own.
-
-    Phases are independent and evenly distributed over the V2V period; the mean hop mixes no
-    frequencies then. One platoon with phases that stay differs from it.
-
-    Examples
-    --------
-    >>> from cacc_platoon.model.control import Gains
-    >>> found = mean_phase_growth(Gains(0.95, 0.5, 0.63, 0.009), 0.5, 0.6, 0.01, interval=20)
-    >>> round(found.growth, 6)
-    1.002463
-    """
-    require_positive("tau", tau, "s")
-    packets = PacketTimes.of(period, interval, latency, held)
-    growth, angle, _ = _peak(
-        lambda angle, tau, k: mean_phase_size(packets.hop(gains, tau, k, angle)),
-        packets.angles(gains, _ANGLES),
-        (np.array([[tau]]), np.array([[k_effective]])),
-    )
-    if not growth > _GROWS:
-        return HopGrowth(1.0, 0.0, tau, k_effective)
-    return HopGrowth(growth, angle / (period * interval), tau, k_effective)
 
 
 def worst_multirate_growth(
@@ -347,8 +312,8 @@ def critical_v2v_period(
 
     def grows(interval: int, rows: slice | NDArray[np.bool_] = slice(None)) -> bool:
         now = packets._replace(interval=interval)
-        found, _, _ = _amplified(now, gains, (pairs[0][rows], pairs[1][rows]), enough=_GROWS)
-        return found > _GROWS
+        found, _, _ = _amplified(now, gains, (pairs[0][rows], pairs[1][rows]), enough=GROWS)
+        return found > GROWS
 
     if not kept_at and (not _own_loops_stable(gains, pairs, period) or grows(1)):
         return 0.0

@@ -22,10 +22,10 @@ from cacc_platoon.theory.end_to_end import end_to_end_gain
 from cacc_platoon.theory.lifted_hop import PacketTimes, packet_interval, spectral_radius
 from cacc_platoon.theory.multirate import (
     critical_v2v_period,
-    mean_phase_growth,
     multirate_growth,
     worst_multirate_growth,
 )
+from cacc_platoon.theory.phases import mean_phase_growth, worst_phase_growth
 
 A = Gains(0.95, 0.5, 0.63, 0.009)
 C = Gains(0.88, 0.318305009, 0.85, 0.003)
@@ -230,19 +230,23 @@ def test_what_is_guaranteed_is_of_packets_at_their_own_rate():
     assert "with one every" not in explain_verdict(kept)
 
 
-def test_phases_of_their_own_may_be_worse_than_equal_ones():
-    """Each vehicle sends one control period after its predecessor; at once, nothing grows."""
-    gains = Gains(1.0276291, 0.5204794, 0.4646634, 0.3213722)
-    k = (1 + 1 / 6.2338) * gains.k_a
-    assert multirate_growth(gains, 0.5, k, 0.04, 14, latency=0.08).growth == 1.0
-    known = {"latency": 0.08}
+LATER = Gains(1.0276291, 0.5204794, 0.4646634, 0.3213722)
+"""String stable with a packet every 14 periods of 40 ms, two of them late, all sent at once."""
+
+
+def test_phases_may_be_worse_than_the_same_instants():
+    question = (LATER, 0.5, (1 + 1 / 6.2338) * LATER.k_a, 0.04, 14)
+    assert multirate_growth(*question, latency=0.08).growth == 1.0
+    found = worst_phase_growth(*question, latency=0.08)
+    assert found.step == 2
+    assert found.growth.growth == pytest.approx(1.0116, abs=1e-4)
     ends = [
-        end_to_end_gain(
-            gains, 0.5, k, 0.04, 14, vehicles=n, phases=[i % 14 for i in range(n)], **known
-        )
+        end_to_end_gain(*question, vehicles=n, phases=[2 * i % 14 for i in range(n)], latency=0.08)
         for n in (40, 80)
     ]
-    assert ends[1] > 1.1 * ends[0]
+    assert (ends[1] / ends[0]) ** (1 / 40) == pytest.approx(found.growth.growth, abs=1e-5)
+    assert worst_phase_growth(D, 0.5, 0.6, 0.01, 20) == (multirate_growth(D, 0.5, 0.6, 0.01, 20), 0)
+    assert worst_phase_growth(D, 0.5, 0.6, 0.01, 1).step == 0
 
 
 @pytest.mark.parametrize("late", [0.5, 10.0])
