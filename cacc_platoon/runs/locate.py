@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import os
+import re
 import time
 from datetime import datetime
 from pathlib import Path
@@ -16,6 +17,10 @@ from cacc_platoon.runs.info import INFO_FILE, EndStatus, InfoError, RunInfo
 KILLED = "its process was killed"
 COPIED = "this is a copy that was made while it went on"
 SALVAGED = "this is what had been recorded"
+_OURS = re.compile(
+    rb"(?:^|[/\0])(?:platoon|supervisor)\0|\0-m\0cacc_platoon\0"
+    rb"|cacc_platoon[.][a-z]|cacc_platoon/__main__[.]py\0"
+)
 _TICKS = os.sysconf("SC_CLK_TCK")
 ENDED = {
     EndStatus.RUNNING: "goes on",
@@ -121,12 +126,25 @@ def _last_word(folder: RunFolder) -> tuple[RunInfo, bool]:
     return info, True
 
 
+def runs_platoons(command_line: bytes) -> bool:
+    r"""Whether a command line is one of ours, wherever its interpreter and its files are.
+
+    Examples
+    --------
+    >>> runs_platoons(b"/src/cacc_platoon/.venv/bin/python\0-m\0cacc_platoon\0run\0")
+    True
+    >>> runs_platoons(b"/src/cacc_platoon/.venv/bin/python\0-m\0pytest\0")
+    False
+    """
+    return _OURS.search(command_line) is not None
+
+
 def _lives(info: RunInfo) -> bool:
     """Return whether the process of a run lives: one that was there when the run began."""
     process = Path(f"/proc/{info.pid}")
     try:
         began = datetime.fromisoformat(info.began).timestamp()
-        ours = b"platoon" in (process / "cmdline").read_bytes()
+        ours = runs_platoons((process / "cmdline").read_bytes())
         ticks = int((process / "stat").read_text().rpartition(")")[2].split()[19])
     except (OSError, ValueError):
         return False

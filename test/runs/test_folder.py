@@ -14,7 +14,7 @@ from cacc_platoon.bags.raw import BagError
 from cacc_platoon.errors import UserError
 from cacc_platoon.runs.folder import RunFolder
 from cacc_platoon.runs.info import NO_BAG, ROOM, EndStatus, RunInfo
-from cacc_platoon.runs.locate import locate
+from cacc_platoon.runs.locate import locate, runs_platoons
 from cacc_platoon.runs.parts import PartWriter
 from cacc_platoon.runs.recording import recording_of
 from cacc_platoon.scenario import Scenario
@@ -116,6 +116,30 @@ def test_a_folder_in_use_is_left_alone_and_one_out_of_use_is_finished(tmp_path: 
     assert (info.status, len(info.digest)) == (EndStatus.FAILED, 64)
 
 
+@pytest.mark.parametrize(
+    ("command_line", "ours"),
+    [
+        (
+            "/opt/cacc_platoon/.venv/bin/python /opt/cacc_platoon/.venv/bin/platoon run",
+            True,
+        ),
+        ("python3 -m cacc_platoon run a.yaml", True),
+        ("/opt/ws/lib/cacc_platoon/supervisor --ros-args", True),
+        ("python3 -c import sys; from cacc_platoon.cli import main", True),
+        ("python3 /opt/cacc_platoon/__main__.py run", True),
+        ("/opt/cacc_platoon/.venv/bin/python -m pytest -m unit", False),
+        ("python3 -m pytest cacc_platoon/theory", False),
+        ("vim /opt/cacc_platoon/platoon.py", False),
+    ],
+)
+def test_a_process_is_ours_by_what_it_runs(command_line: str, ours: bool) -> None:
+    """Not by the folder that the software or its interpreter is in."""
+    arguments = command_line.replace(" ", "\0")
+    if "-c" in command_line:
+        arguments = command_line.replace(" -c ", "\0-c\0")
+    assert runs_platoons(f"{arguments}\0".encode()) is ours
+
+
 def test_an_edited_scenario_frees_no_folder_that_is_in_use(tmp_path: Path) -> None:
     folder = recorded(tmp_path / "run")
     file = folder.path / "scenario.yaml"
@@ -135,10 +159,11 @@ def test_a_copy_of_a_run_that_goes_on_is_called_one(tmp_path: Path) -> None:
     script = f"""
 import sys
 from pathlib import Path
+import cacc_platoon.cli
 sys.path.insert(0, {str(Path(__file__).parent)!r})
 from test_folder import recorded
 folder = recorded(Path(sys.argv[1]))
-print("platoon", flush=True)
+print("recorded", flush=True)
 sys.stdin.read()
 """
     path, copy, later = (tmp_path / name for name in ("run", "copy", "later"))
@@ -146,7 +171,7 @@ sys.stdin.read()
         [sys.executable, "-c", script, str(path)], stdin=subprocess.PIPE, stdout=subprocess.PIPE
     ) as process:
         assert process.stdout
-        assert process.stdout.readline() == b"platoon\n"
+        assert process.stdout.readline() == b"recorded\n"
         for target in (copy, later):
             shutil.copytree(path, target)
         locate(copy)
