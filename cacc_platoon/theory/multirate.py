@@ -1,7 +1,8 @@
 """V2V at its own rate: whether errors grow when packets come every M control periods.
 
 They do iff the spectral radius of the hop lifted over one V2V period (`lifted_hop`) exceeds one at
-some angle. A search over angle, lag and the ends of I finds where: numerical
+some angle. Whether it does, a motion that every vehicle repeats tells (`repeated_motion`); by how
+much, the lifted hop. The search over angle, lag and the ends of I is numerical
 (docs/theory.md, section 7 (V2V latency)).
 """
 
