@@ -16,13 +16,13 @@ HIGHEST = 232
 """The ports of domain d begin at 7400 + 250 d, and there are none above 65535."""
 
 
-def check_domain(environment: Mapping[str, str]) -> None:
-    """Refuse a domain in which DDS has no ports.
+def domain_of(environment: Mapping[str, str]) -> int:
+    """Return the domain that an environment names.
 
     Raises
     ------
     UserError
-        When ROS_DOMAIN_ID is no such number.
+        When ROS_DOMAIN_ID is no number of a domain in which DDS has ports.
     """
     text = environment.get("ROS_DOMAIN_ID", "").strip() or "0"
     if not (re.fullmatch(r"0|[1-9][0-9]{0,2}", text) and int(text) <= HIGHEST):
@@ -30,6 +30,7 @@ def check_domain(environment: Mapping[str, str]) -> None:
             f"ROS_DOMAIN_ID = {text[:40]!r} is no DDS domain, a number from 0 to {HIGHEST}: nodes "
             "would have no ports. Set it to a number from 0 to 101, clear of other programs' ports."
         )
+    return int(text)
 
 
 @contextlib.contextmanager

@@ -10,10 +10,9 @@ import socket
 import subprocess
 import sys
 from collections.abc import Mapping, MutableMapping
-from pathlib import Path
 
-from cacc_platoon.dds import shared_memory
-from cacc_platoon.dds.domain import check_domain
+from cacc_platoon.dds import profile, shared_memory
+from cacc_platoon.dds.domain import domain_of
 from cacc_platoon.dds.own_folder import unusable_folder
 from cacc_platoon.errors import UserError
 
@@ -25,12 +24,6 @@ SKIP_WORKING_FOLDER = "SKIP_DEFAULT_XML_FILE"
 TRANSPORTS = "FASTDDS_BUILTIN_TRANSPORTS"
 PROFILE_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 FAST_DDS = ("", "rmw_fastrtps_cpp", "rmw_fastrtps_dynamic_cpp")
-
-_FOLDER = Path(__file__).parent
-OPEN = _FOLDER / "open.xml"
-LOOPBACK = _FOLDER / "loopback.xml"
-LOOPBACK_UDP = _FOLDER / "loopback_udp.xml"
-_OURS = {str(profile) for profile in (OPEN, LOOPBACK, LOOPBACK_UDP)}
 
 _PAGES = 64 * 2**10
 _PROFILE_DECIDES = "SYSTEM_DEFAULT"
@@ -45,7 +38,7 @@ def set_up(environment: MutableMapping[str, str]) -> list[str]:
     UserError
         When DDS cannot start in it.
     """
-    check_domain(environment)
+    domain_of(environment)
     _check_range(environment)
     environment[SKIP_WORKING_FOLDER] = "1"
     prefer_local(environment)
@@ -97,25 +90,27 @@ def prefer_local(environment: MutableMapping[str, str]) -> None:
     udp = environment.get(TRANSPORTS) == "UDPv4" or not _shared_memory_suffices()
     if is_local(environment):
         environment[RANGE] = _PROFILE_DECIDES
-        environment[PROFILE_VARIABLES[0]] = str(LOOPBACK_UDP if udp else LOOPBACK)
-        return
-    environment[PROFILE_VARIABLES[0]] = str(OPEN)
-    if udp:
-        environment[TRANSPORTS] = "UDPv4"
+        chosen = profile.LOOPBACK_UDP if udp else profile.LOOPBACK
+    else:
+        chosen = profile.OPEN
+        if udp:
+            environment[TRANSPORTS] = "UDPv4"
+    made = profile.made_for(chosen, domain_of(environment))
+    environment[PROFILE_VARIABLES[0]] = str(made)
 
 
 def is_local(environment: Mapping[str, str]) -> bool:
     """Return whether DDS stays, or will stay, on this machine."""
     given = environment.get(RANGE, "") or LOCALHOST
-    closed = environment.get(PROFILE_VARIABLES[0]) in (str(LOOPBACK), str(LOOPBACK_UDP))
+    closed = profile.is_local(environment.get(PROFILE_VARIABLES[0], ""))
     return given.upper() == LOCALHOST or (given == _PROFILE_DECIDES and closed)
 
 
 def _arranged_by_us(environment: Mapping[str, str]) -> bool:
     """Return whether the user has left transports and discovery to us."""
-    profiles = {environment[name] for name in PROFILE_VARIABLES if name in environment}
+    given = [environment[name] for name in PROFILE_VARIABLES if name in environment]
     return (
-        profiles <= _OURS
+        all(map(profile.is_ours, given))
         and "ROS_DISCOVERY_SERVER" not in environment
         and environment.get(TRANSPORTS, "") in ("", "DEFAULT", "UDPv4")
         and environment.get("RMW_IMPLEMENTATION", "") in FAST_DDS

@@ -3,13 +3,13 @@
 import pytest
 
 from cacc_platoon.dds import domain
-from cacc_platoon.dds.domain import check_domain, own_domain
+from cacc_platoon.dds.domain import domain_of, own_domain
 from cacc_platoon.errors import UserError
 
 
 @pytest.mark.parametrize("text", ["", "0", "42", "101", "232", " 7 "])
 def test_a_domain_that_there_is_passes(text: str) -> None:
-    check_domain({"ROS_DOMAIN_ID": text})
+    assert domain_of({"ROS_DOMAIN_ID": text}) == int(text or 0)
 
 
 @pytest.mark.parametrize("text", ["233", "100000", "-1", "a", "1.0", "9" * 5000, "٣", "1 2", "07"])
@@ -17,7 +17,7 @@ def test_a_domain_without_ports_is_refused(text: str) -> None:
     with pytest.raises(
         UserError, match=r"ROS_DOMAIN_ID = .* is no DDS domain, .* 0 to 232"
     ) as told:
-        check_domain({"ROS_DOMAIN_ID": text})
+        domain_of({"ROS_DOMAIN_ID": text})
     assert len(str(told.value)) < 300
 
 

@@ -6,14 +6,8 @@ from pathlib import Path
 import pytest
 
 from cacc_platoon.dds import environment, shared_memory
-from cacc_platoon.dds.environment import (
-    LOOPBACK,
-    LOOPBACK_UDP,
-    OPEN,
-    is_local,
-    prefer_local,
-    set_up,
-)
+from cacc_platoon.dds.environment import is_local, prefer_local, set_up
+from cacc_platoon.dds.profile import LOOPBACK, LOOPBACK_UDP, OPEN
 from cacc_platoon.errors import UserError
 
 RANGE, TRANSPORTS = environment.RANGE, environment.TRANSPORTS
@@ -92,6 +86,33 @@ def test_peers_without_effect_are_told() -> None:
 def test_a_wrong_domain_is_refused() -> None:
     with pytest.raises(UserError, match="ROS_DOMAIN_ID = '100000'"):
         set_up({"ROS_DOMAIN_ID": "100000"})
+
+
+@pytest.mark.parametrize("given", [{}, {RANGE: "SUBNET"}, {TRANSPORTS: "UDPv4"}])
+def test_each_domain_has_a_profile_of_its_own(given: dict[str, str]) -> None:
+    made: dict[str, dict[str, str]] = {}
+    for domain in ("7", "8", "0"):
+        made[domain] = {**made.get("7", {}), **given, "ROS_DOMAIN_ID": domain}
+        prefer_local(made[domain])
+        assert is_local(made[domain]) == (RANGE not in given)
+    seven, eight, zero = (Path(each[PROFILE]) for each in made.values())
+    assert (seven.name, eight.name) == (f"{zero.stem}-7.xml", f"{zero.stem}-8.xml")
+    assert zero in (LOOPBACK, LOOPBACK_UDP, OPEN)
+    added = "      <port><portBase>9150</portBase><domainIDGain>0</domainIDGain></port>\n"
+    assert seven.read_text() == zero.read_text().replace("    <rtps>\n", f"    <rtps>\n{added}")
+    assert ET.parse(seven).getroot().findall(f".//{NAMESPACE}portBase")[0].text == "9150"
+
+
+def test_without_a_folder_of_ours_the_profile_is_that_of_all_domains(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("XDG_RUNTIME_DIR", "XDG_CACHE_HOME", "HOME"):
+        monkeypatch.setenv(name, str(tmp_path / "missing" / "file"))
+    (tmp_path / "missing").write_text("")
+    monkeypatch.setattr("pwd.getpwuid", lambda _: (_ for _ in ()).throw(KeyError))
+    made = {"ROS_DOMAIN_ID": "7"}
+    prefer_local(made)
+    assert made[PROFILE] == str(LOOPBACK)
 
 
 @pytest.mark.parametrize("profile", [LOOPBACK, LOOPBACK_UDP])

@@ -1,0 +1,117 @@
+"""Count the processes that nobody hears while processes of many domains come and go.
+
+In each domain one process begins and ends every few seconds, while two others begin, wait until
+they know the name of its node, and end. One that knows of its endpoints and not of its name for
+six seconds has not heard it. With `--shared` all domains look for some of their ports in the same
+place, as Fast DDS lets them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import os
+import random
+import subprocess
+import sys
+import threading
+import time
+
+from cacc_platoon.dds import profile
+from cacc_platoon.dds.domain import own_domain
+from cacc_platoon.dds.environment import PROFILE_VARIABLES, set_up
+
+UNKNOWN = "_NODE_NAME_UNUNKNOWN_"
+TOPIC = "/parameter_events"
+PATIENCE = 6.0
+
+
+def main() -> int:
+    """Run the campaign; return 1 when a process was not heard."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--seconds", type=float, default=60.0)
+    parser.add_argument("--domains", type=int, default=7)
+    parser.add_argument("--shared", action="store_true", help="leave the ports to Fast DDS")
+    parser.add_argument("--role", choices=["here", "new"], help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.role:
+        return come_and_go(options.role, options.seconds)
+    with contextlib.ExitStack() as stack:
+        domains = [stack.enter_context(own_domain()) for _ in range(options.domains)]
+        processes = [
+            start(role, options.seconds, environment_of(domain, options.shared))
+            for domain in domains
+            for role in ("here", "new", "new")
+        ]
+        counts = [count(process, options.seconds) for process in processes]
+    looked, unheard, hung = map(sum, zip(*counts, strict=True))
+    print(f"{looked} looks at another process, {unheard} heard nothing; {hung} processes hung")
+    return int(unheard + hung > 0)
+
+
+def environment_of(domain: int, shared: bool) -> dict[str, str]:
+    """Return the environment of processes of a domain."""
+    environment = {**os.environ, "ROS_DOMAIN_ID": str(domain)}
+    set_up(environment)
+    if shared:
+        environment[PROFILE_VARIABLES[0]] = str(profile.LOOPBACK)
+    return environment
+
+
+def start(role: str, seconds: float, environment: dict[str, str]) -> subprocess.Popen[bytes]:
+    """Start one that comes and goes."""
+    command = [sys.executable, __file__, "--role", role, "--seconds", str(seconds)]
+    return subprocess.Popen(command, env=environment, stdout=subprocess.PIPE)
+
+
+def count(process: subprocess.Popen[bytes], seconds: float) -> tuple[int, int, int]:
+    """Return how often one that ends has looked, how often in vain, and whether it hung."""
+    try:
+        words = process.communicate(timeout=seconds + 4 * PATIENCE)[0].split()
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.communicate()
+        return 0, 0, 1
+    return int(words[-2]), int(words[-1]), 0
+
+
+def come_and_go(role: str, seconds: float) -> int:
+    """Begin and end participants; print how often another was looked for and not heard."""
+    import rclpy
+
+    end, looked, unheard = time.monotonic() + seconds, 0, 0
+    pause = threading.Event()
+    while time.monotonic() < end:
+        context = rclpy.Context()
+        rclpy.init(context=context)
+        node = rclpy.create_node(f"{role}_{os.getpid()}_{looked}", context=context)
+        if role == "here":
+            pause.wait(random.uniform(1.0, 4.0))
+        else:
+            looked += 1
+            unheard += not is_heard(node, end)
+        node.destroy_node()
+        context.shutdown()
+    print(looked, unheard)
+    return 0
+
+
+def is_heard(node, end: float) -> bool:
+    """Return whether the names of all whose endpoints are known became known in time."""
+    since, pause = None, threading.Event()
+    while time.monotonic() < end + PATIENCE:
+        names = {info.node_name for info in node.get_publishers_info_by_topic(TOPIC)}
+        if any(name.startswith("here") for name in names):
+            return True
+        if UNKNOWN not in names:
+            since = None
+        elif since is None:
+            since = time.monotonic()
+        elif time.monotonic() - since > PATIENCE:
+            return False
+        pause.wait(0.01)
+    return True
+
+
+if __name__ == "__main__":
+    sys.exit(main())

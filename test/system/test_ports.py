@@ -1,0 +1,49 @@
+"""Every port at which a process receives is one of its domain: others do not look for theirs there.
+
+What happens where domains share ports is in test/campaign/unheard.py.
+"""
+
+import os
+import re
+import subprocess
+import sys
+
+from cacc_platoon.dds.domain import own_domain
+from cacc_platoon.dds.profile import PORT_BASE, PORTS
+
+PROGRAM = """
+import os
+from pathlib import Path
+from cacc_platoon.dds.environment import set_up
+set_up(os.environ)
+import rclpy
+from cacc_platoon.dds.shared_memory import used_segments
+rclpy.init()
+node = rclpy.create_node("listening")
+print(*used_segments(), flush=True)
+inodes = {os.readlink(fd) for fd in Path("/proc/self/fd").iterdir() if fd.is_symlink()}
+for line in Path("/proc/net/udp").read_text().splitlines()[1:]:
+    fields = line.split()
+    if f"socket:[{fields[9]}]" in inodes:
+        print(f"udp_port{int(fields[1].split(':')[1], 16)}")
+"""
+
+
+def test_ports_are_those_of_the_domain() -> None:
+    with own_domain() as domain:
+        done = subprocess.run(
+            [sys.executable, "-c", PROGRAM],
+            env={**os.environ, "ROS_DOMAIN_ID": str(domain)},
+            capture_output=True,
+            text=True,
+            timeout=60,
+            check=True,
+        )
+    found = [
+        (kind, int(port)) for kind, port in re.findall(r"(udp|fastrtps)_port(\d+)", done.stdout)
+    ]
+    first = PORT_BASE + PORTS * domain
+    # those of the domain, those that Fast DDS takes below its base, and the kernel's for sending
+    assert {kind for kind, port in found if first <= port < first + PORTS} == {"udp", "fastrtps"}
+    assert {kind for kind, port in found if first - 400 <= port < first} == {"udp", "fastrtps"}
+    assert not [port for kind, port in found if port < first - 400], done.stdout
