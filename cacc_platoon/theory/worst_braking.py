@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 __all__ = ["spacing_response", "worst_spacing"]
 
 _STEPS, _MOST_STEPS = 50, 30_000
+_BLOCK = 256
 
 
 def spacing_response(
@@ -62,20 +63,44 @@ def spacing_response(
     fastest = min(float(lags.max()), 1.0 / (k_v + h * k_p), 1.0 / math.sqrt(k_p))
     horizon = 16.0 / float(np.min(-poles(gains, lags)[:, 1].real)) + 4.0 * vehicles * h
     step = max(fastest / steps, horizon / _MOST_STEPS)
-    plant, count = ThirdOrderPlant(lags, step), math.ceil(horizon / step)
-    still = np.zeros((vehicles + 1, lags.size))
-    state = State(still.copy(), still.copy(), still.copy())
-    state.acceleration[0] = 1.0 / step  # for one step; the leader coasts from then on
-    kappa = np.empty((count, vehicles, lags.size))
-    command = still.copy()
-    for i in range(count):
+    count = math.ceil(horizon / step)
+
+    def advance(state: State[Float]) -> State[Float]:
+        """One step of the vehicles (first axis); the leader coasts."""
         x, v, a = state
-        kappa[i] = x[:-1] - x[1:]
+        command = np.zeros_like(a)
         error = x[1:] - x[:-1] + h * v[1:]
         command[1:] = k * a[:-1] - k_v * (v[1:] - v[:-1]) - k_p * error
-        state = plant.advance(state, command)
-        state.position[0], state.velocity[0], state.acceleration[0] = (i + 0.5) * step, 1.0, 0.0
-    return step, kappa
+        then = plant.advance(state, command)
+        then.acceleration[0] = 0.0
+        return then
+
+    plant = ThirdOrderPlant(lags, step)
+    still = np.zeros((vehicles + 1, 1, lags.size))
+    pushed = State(still.copy(), still.copy(), still.copy())
+    pushed.acceleration[0] = 1.0 / step  # for one step
+    first = advance(pushed)
+    first.position[0], first.velocity[0] = 0.5 * step, 1.0
+    size = 3 * (vehicles + 1)
+    units = np.broadcast_to(
+        np.eye(size).reshape(3, vehicles + 1, size, 1), (3, *still.shape[:1], size, lags.size)
+    )
+    matrix = _columns(advance(State(*units)))
+    block, power = _columns(first), matrix
+    while block.shape[-1] < min(_BLOCK, count):
+        block = np.concatenate((block, power @ block), axis=-1)
+        power = power @ power
+    kappa = [np.zeros((1, vehicles, lags.size))]
+    for _ in range(0, count, block.shape[-1]):
+        position = block[:, : vehicles + 1]
+        kappa.append(np.moveaxis(position[:, :-1] - position[:, 1:], (1, 2, 0), (1, 0, 2)))
+        block = power @ block
+    return step, np.concatenate(kappa)[:count]
+
+
+def _columns(state: State[Float]) -> Float:
+    """Stack what is of shape (vehicles, m, n) into states, of shape (n, 3 vehicles, m)."""
+    return np.moveaxis(np.concatenate(state), -1, 0)
 
 
 def worst_spacing(
@@ -149,10 +174,11 @@ def _largest_integral(step: float, kappa: Float, duration: float, rest: float) -
 
     Long ago every response has come to `rest`, so that no less need be taken anywhere.
     """
-    largest = np.sort(np.maximum(kappa, rest), axis=0)[::-1]
+    kappa = np.maximum(kappa, rest)
     whole, part = divmod(duration, step)
-    if whole >= len(largest):
-        more = duration - step * len(largest)
-        return np.asarray(step * largest.sum(axis=0) + more * rest, dtype=np.float64)
-    count = int(whole)
-    return np.asarray(step * largest[:count].sum(axis=0) + part * largest[count], dtype=np.float64)
+    if whole >= len(kappa):
+        more = duration - step * len(kappa)
+        return np.asarray(step * kappa.sum(axis=0) + more * rest, dtype=np.float64)
+    at = len(kappa) - 1 - int(whole)
+    kappa = np.partition(kappa, at, axis=0)
+    return np.asarray(step * kappa[at + 1 :].sum(axis=0) + part * kappa[at], dtype=np.float64)

@@ -92,6 +92,7 @@ def come_and_go(role: str, seconds: float) -> int:
             unheard += not is_heard(node, end)
         node.destroy_node()
         context.shutdown()
+        del node, context  # the participant ends with the last that knows of it
     print(looked, unheard)
     return 0
 
