@@ -40,7 +40,7 @@ __all__ = ["recommend"]
 
 FRONT_SIZE = 24
 _SAFETY = 1.02  # estimates are coarse; what is asked of them is a little more than required
-_LONGER = (1.3, 1.7, 2.2, 3.0)
+_LONGER = (1.4, 2.0, 3.0)
 _LONGEST = 2.5  # default max_headway in units of tau_max; without V2V 2 would do
 
 

@@ -46,7 +46,8 @@ __all__ = [
     "worst_multirate_growth",
 ]
 
-ANGLES, _PEAKS, _ESTIMATED = 96, 4, 5
+ANGLES, _PEAKS, _ESTIMATED = 96, 4, 3
+_RISE = 4.0  # a parabola through three points rises by half of the larger difference at most
 _AROUND = 1.0 + np.array([-0.1, -0.03, -0.01, -1e-3, 0.0, 1e-3, 0.01, 0.03, 0.1])
 GROWS = 1.0 + TOLERANCE
 _ON_THEIR_WAY = 4
@@ -167,6 +168,10 @@ def largest_peak(
         return 1.0, 0.0, len(size) - 1
     best = np.argsort(-size[row, at], kind="stable")[:_PEAKS]
     row, at = row[best], at[best]
+    peak = size[row, at]
+    rise = peak - np.minimum(size[row, at - 1], size[row, np.minimum(at + 1, places.size - 1)])
+    if enough < np.inf and (peak + _RISE * rise <= enough).all():
+        return float(size[top, first]), float(places[first]), top
     low, high = places[np.maximum(at - 1, 0)], places[np.minimum(at + 1, places.size - 1)]
     tau, k = (column[row] for column in pairs)
     found, local = refined_peaks(lambda near: measure(near, tau, k), low, high)

@@ -56,7 +56,8 @@ def repeated_motion(
         How far a motion is turned from one vehicle to the next [rad].
     """
     c = np.exp(-1j * np.asarray(turn, dtype=float))
-    lag, k, c = np.broadcast_arrays(np.asarray(tau, float), np.asarray(k_effective, float), c)
+    lag, k = np.asarray(tau, float), np.asarray(k_effective, float)
+    c = np.broadcast_to(c, np.broadcast_shapes(c.shape, lag.shape, k.shape))
     whole, part = divmod(packets.latency, packets.interval)
     size = _SENT + 1 + whole
     step = _control_step(packets.period, gains, (lag, k, c), size)

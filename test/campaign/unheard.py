@@ -1,8 +1,8 @@
-"""Count the processes that nobody hears while processes of many domains come and go.
+"""Count the processes that hear nobody while processes of many domains come and go.
 
 In each domain one process begins and ends every few seconds, while two others begin, wait until
-they know the name of its node, and end. One that knows of its endpoints and not of its name for
-six seconds has not heard it. With `--shared` all domains look for some of their ports in the same
+they know the name of another's node, and end. One that knows of others' endpoints and of no name
+for six seconds hears nobody. With `--shared` all domains look for some of their ports in the same
 place, as Fast DDS lets them.
 """
 
@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import math
 import os
 import random
 import subprocess
@@ -89,29 +90,26 @@ def come_and_go(role: str, seconds: float) -> int:
             pause.wait(random.uniform(1.0, 4.0))
         else:
             looked += 1
-            unheard += not is_heard(node, end)
+            unheard += not hears(node, end)
         node.destroy_node()
         context.shutdown()
-        del node, context  # the participant ends with the last that knows of it
+        context.destroy()
     print(looked, unheard)
     return 0
 
 
-def is_heard(node, end: float) -> bool:
-    """Return whether the names of all whose endpoints are known became known in time."""
-    since, pause = None, threading.Event()
-    while time.monotonic() < end + PATIENCE:
+def hears(node, end: float) -> bool:
+    """Return whether the name of another became known in time, once there was another."""
+    since, pause = math.inf, threading.Event()
+    while time.monotonic() < min(since, end) + PATIENCE:
         names = {info.node_name for info in node.get_publishers_info_by_topic(TOPIC)}
-        if any(name.startswith("here") for name in names):
+        names.discard(node.get_name())
+        if names - {UNKNOWN}:
             return True
-        if UNKNOWN not in names:
-            since = None
-        elif since is None:
-            since = time.monotonic()
-        elif time.monotonic() - since > PATIENCE:
-            return False
+        if names:
+            since = min(since, time.monotonic())
         pause.wait(0.01)
-    return True
+    return since == math.inf
 
 
 if __name__ == "__main__":
