@@ -141,7 +141,7 @@ def run(args: argparse.Namespace) -> int:
             question.rho,
             question.tau_max,
             k_effective=question.k_effective,
-            reception=question.reception,
+            requirements=question.requirements,
             recommendation=found,
         )
         print(f"{len(files)} pictures in {args.plot}", file=sys.stderr)

@@ -15,7 +15,8 @@ def plot_pareto_front(
 ) -> None:
     """Draw latency margin over headway, coloured by L-infinity gain, sized by speed.
 
-    Margins above `latency_cap` [s], infinite ones too, are drawn at the cap as triangles.
+    Margins above `latency_cap` [s], infinite ones too, are drawn at the cap as triangles. Where
+    packets have a period of their own, the critical one [s] stands beside each design.
     """
     x, margin, color, slowest = np.array(
         [
@@ -45,10 +46,24 @@ def plot_pareto_front(
         )
     axes.figure.colorbar(points, ax=axes, label=r"$L_\infty$ gain [-]")
     axes.margins(0.08)
+    _plot_critical_periods(axes, front, latency_cap)
     _plot_names(axes, named, latency_cap)
     axes.set_xlabel(r"time headway $h_w$ [s]")
     axes.set_ylabel("margin of constant V2V latency [s]")
-    axes.set_title("large marker: fast slowest mode; triangle: beyond the axis")
+    rated = any(design.certificate.v2v_period for design in front)
+    more = "\nsmall figures: critical V2V period [s]" if rated else ""
+    axes.set_title(f"large marker: fast slowest mode; triangle: beyond the axis{more}")
+
+
+def _plot_critical_periods(axes: Axes, front: Sequence[Design], latency_cap: float) -> None:
+    for design in front:
+        one = design.certificate
+        if one.v2v_period is not None:
+            place = (design.gains.time_headway, min(one.latency_margin, latency_cap))
+            text = f"{one.critical_v2v_period:.3g}".replace("inf", "any")
+            axes.annotate(
+                text, place, xytext=(0, -9), textcoords="offset points", ha="center", fontsize=6
+            )
 
 
 def _plot_names(axes: Axes, named: Sequence[Design], latency_cap: float) -> None:

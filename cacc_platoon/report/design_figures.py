@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cacc_platoon.figures.admissible_noise import plot_noise_regions
-from cacc_platoon.figures.frequency_response import plot_response
+from cacc_platoon.figures.frequency_response import GROWTH, plot_response
 from cacc_platoon.figures.gain_region import plot_regions
 from cacc_platoon.figures.headway_bounds import (
     plot_headway_bounds,
@@ -18,10 +18,11 @@ from cacc_platoon.figures.pareto_front import plot_pareto_front
 from cacc_platoon.figures.picture import Picture
 from cacc_platoon.theory import DesignError, exact_region, paper_region
 from cacc_platoon.theory.headway_curves import bound_curves, headway_over_snr, slope_curve
-from cacc_platoon.theory.response_band import response_band
+from cacc_platoon.theory.lifted_hop import PacketTimes, packet_interval
+from cacc_platoon.theory.response_band import packet_response_band, response_band
 
 if TYPE_CHECKING:
-    from cacc_platoon.design import Recommendation
+    from cacc_platoon.design import Recommendation, Requirements
     from cacc_platoon.figures.style import Axes
     from cacc_platoon.model import Gains
 
@@ -37,7 +38,7 @@ def save_design_figures(
     tau_max: float,
     *,
     k_effective: float | None = None,
-    reception: float = 1.0,
+    requirements: Requirements | None = None,
     recommendation: Recommendation | None = None,
 ) -> list[Path]:
     """Draw and save every picture of a design question.
@@ -52,8 +53,9 @@ def save_design_figures(
         SNR and largest lag [s].
     k_effective : float, optional
         Effective gain of the nominal response.
-    reception : float, optional
-        Smallest packet reception probability, losses counted as zero.
+    requirements : Requirements, optional
+        Its reception shrinks the regions where losses count as zero; its latency and V2V period
+        add the growth per hop with such packets.
     recommendation : Recommendation, optional
         Adds the Pareto front.
 
@@ -67,8 +69,10 @@ def save_design_figures(
     DesignError
         If the folder cannot be written or matplotlib is not installed.
     """
+    reception = requirements.counted_as_zero if requirements else 1.0
     pictures = [
         *_stability_pictures(gains, rho, tau_max, k_effective, reception),
+        *_packet_pictures(gains, rho, tau_max, requirements),
         *_headway_pictures(rho, tau_max),
         *_pareto_pictures(recommendation),
     ]
@@ -120,6 +124,25 @@ def _stability_pictures(
         "Admissible communicated acceleration",
         "Over the acceleration sent, and over time.",
         lambda plane, time: plot_noise_regions(plane, time, rho),
+        height=3.8,
+        columns=2,
+    )
+
+
+def _packet_pictures(
+    gains: Gains, rho: float, tau_max: float, ask: Requirements | None
+) -> Iterator[Picture]:
+    if ask is None or (ask.v2v_period is None and ask.latency == 0):
+        return
+    apart = ask.v2v_period or ask.period
+    packets = PacketTimes.of(ask.period, packet_interval(apart, ask.period), ask.latency, ask.held)
+    reception = ask.counted_as_zero
+    band = packet_response_band(gains, rho, tau_max, packets, reception=reception)
+    yield Picture(
+        "packet_response",
+        "Growth per hop with such packets",
+        f"One every {apart:g} s, {ask.latency:g} s late; control every {ask.period:g} s.",
+        lambda far, close: plot_response(far, close, band, GROWTH),
         height=3.8,
         columns=2,
     )

@@ -1,8 +1,8 @@
 """Count the processes that hear nobody while processes of many domains come and go.
 
 In each domain one process begins and ends every few seconds, while two others begin, wait until
-they know the name of another's node, and end. One that knows of others' endpoints and of no name
-for six seconds hears nobody. With `--shared` all domains look for some of their ports in the same
+they know the name of its node, and end. One that knows others' endpoints for six seconds, and not
+that name, hears nobody. With `--shared` all domains look for some of their ports in the same
 place, as Fast DDS lets them.
 """
 
@@ -99,17 +99,18 @@ def come_and_go(role: str, seconds: float) -> int:
 
 
 def hears(node, end: float) -> bool:
-    """Return whether the name of another became known in time, once there was another."""
+    """Return whether the name of the one that stays became known in time, once others were there."""
     since, pause = math.inf, threading.Event()
-    while time.monotonic() < min(since, end) + PATIENCE:
+    while True:
         names = {info.node_name for info in node.get_publishers_info_by_topic(TOPIC)}
         names.discard(node.get_name())
-        if names - {UNKNOWN}:
+        now = time.monotonic()
+        since = min(since, now) if names else math.inf
+        if any(name.startswith("here") for name in names) or now > end + PATIENCE:
             return True
-        if names:
-            since = min(since, time.monotonic())
+        if now > since + PATIENCE:
+            return UNKNOWN not in names
         pause.wait(0.01)
-    return since == math.inf
 
 
 if __name__ == "__main__":

@@ -1,5 +1,6 @@
 """Pictures: both formats, labelled axes with units, no warning, the same bytes every time."""
 
+import math
 import xml.etree.ElementTree as ET
 
 import numpy as np
@@ -20,7 +21,9 @@ from cacc_platoon.model import Gains
 from cacc_platoon.report.design_figures import save_design_figures
 from cacc_platoon.theory import DesignError, exact_region, paper_region
 from cacc_platoon.theory.headway_curves import bound_curves, headway_over_snr, slope_curve
-from cacc_platoon.theory.response_band import response_band
+from cacc_platoon.theory.lifted_hop import PacketTimes
+from cacc_platoon.theory.multirate import worst_multirate_growth
+from cacc_platoon.theory.response_band import packet_response_band, response_band
 
 A = Gains(0.95, 0.5, 0.63, 0.009)
 NAMES = ["feasible_regions", "frequency_response", "headway_bounds", "headway_over_snr"]
@@ -55,6 +58,23 @@ def test_pareto_front_is_drawn_and_svg_is_reproducible(tmp_path):
     for path in second:
         if path.suffix == ".svg":
             assert path.read_bytes() == same[path.name]
+
+
+def test_rare_and_late_packets_are_drawn(tmp_path):
+    ask = Requirements(k_a=0.5, v2v_period=0.2, latency=0.02)
+    found = recommend(5.0, 0.5, ask)
+    drawn = save_design_figures(tmp_path, A, 5.0, 0.5, requirements=ask, recommendation=found)
+    assert "packet_response" in {path.stem for path in drawn}
+    packets = PacketTimes.of(0.01, 20, latency=0.02, held=1.0)
+    grown = worst_multirate_growth(A, 5.0, 0.5, 0.01, 20, latency=0.02).growth
+    band = packet_response_band(A, 5.0, 0.5, packets)
+    assert band.high.max() == pytest.approx(grown, abs=1e-4)
+    axes = Figure().subplots()
+    plot_pareto_front(axes, found.front, (), latency_cap=1.5)
+    written = {text.get_text() for text in axes.texts}
+    for design in found.front:
+        critical = design.certificate.critical_v2v_period
+        assert (f"{critical:.3g}" if math.isfinite(critical) else "any") in written
 
 
 def test_every_axis_has_a_label_with_a_unit():
