@@ -99,7 +99,7 @@ def come_and_go(role: str, seconds: float) -> int:
 
 
 def hears(node, end: float) -> bool:
-    """Return whether the name of the one that stays became known in time, once others were there."""
+    """Return whether the name of the one that stays became known, once others were there."""
     since, pause = math.inf, threading.Event()
     while True:
         names = {info.node_name for info in node.get_publishers_info_by_topic(TOPIC)}
