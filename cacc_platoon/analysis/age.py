@@ -25,8 +25,8 @@ class LinkReception(NamedTuple):
     sender, follower : int
         Index of the sender, and of the receiver.
     sent, arrived : int
-        Packets of samples that are known to have been sent, and those of them that arrived by the
-        end of the run; over a link that neither loses nor delays, as far as it is recorded.
+        Packets that are known to have been sent, early enough to arrive within the run, and those
+        of them that arrived; over a link that neither loses nor delays, as far as it is recorded.
     loss : float
         Share that did not arrive; NaN when none is known to have been sent.
     loss_probability : float
@@ -84,6 +84,9 @@ def _link(
 ) -> LinkReception:
     samples = len(run.received)
     sent = np.isfinite(run.sent[:, column])
+    due = np.zeros(samples, np.bool_)
+    due[receiver.send_times.between(0, samples - receiver.latency_steps)] = True
+    sent &= due | bool(receiver.v2v.channel)
     if run.arrivals is None or not receiver.counted:
         sent &= np.isfinite(run.received[:, column])
         sample = np.flatnonzero(sent)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from cacc_platoon.analysis.follower_verdict import PROMPT, WITHOUT_LOSS
+from cacc_platoon.analysis.packets import PacketTimes, packet_times
 from cacc_platoon.scenario import Follower, Scenario
 
 L2_NAME = "L2 string stability (H-infinity norm of H, paper's condition (3))"
@@ -39,6 +41,11 @@ _HOLD = (
     "reception probability p{} and the control period of the run, by the exact test of the "
     "sampled loop with k filtered by p/(1 - (1 - p)/z), at 17 lags up to tau0 and without lag"
 )
+_PACKETS = (
+    "packets come {}: judged is the mean system too, sampled at the control period of the run, "
+    "by the largest growth per hop in the long run over frequency, both ends of I and 5 lags up to "
+    "tau0, all links sending at the same instants (docs/theory.md, section 7; numerical)"
+)
 _MOST_NAMED = 6  # vehicles
 
 
@@ -55,8 +62,8 @@ class Arrival(NamedTuple):
     held: float
 
 
-class LossBasis(NamedTuple):
-    """What is judged of the followers that lose packets and do one thing about it.
+class LinkBasis(NamedTuple):
+    """What is judged of followers that lose packets, and do one thing about it, or get them late.
 
     Attributes
     ----------
@@ -79,27 +86,30 @@ class Bases(NamedTuple):
         The exact test, with the interval that is judged.
     law : str
         What H carries from one vehicle to the next.
-    losses : tuple of LossBasis
-        What is judged of followers that lose packets.
+    losses, packets : tuple of LinkBasis
+        What is judged of followers that lose packets, and of those that get them rarely or late.
     paper, linf, sure : str
         The paper's test and the gains between peaks, in the mean and for every realisation, and of
         which loop they are.
-    without_loss : str
-        " of the loop without loss", and of whom when not of all; empty where nobody holds lost
-        packets.
+    of_loop : str
+        " of the loop without loss" or "with packets that are prompt", and of whom when not of all;
+        empty where nobody holds lost packets and all packets are prompt.
     """
 
     exact: str
     law: str
-    losses: tuple[LossBasis, ...]
+    losses: tuple[LinkBasis, ...]
+    packets: tuple[LinkBasis, ...]
     paper: str
     linf: str
     sure: str
-    without_loss: str
+    of_loop: str
 
     def __str__(self) -> str:
         """Return the exact test and what it decides."""
-        return "; ".join((self.exact, self.law, L2_NAME, *(loss.text for loss in self.losses)))
+        return "; ".join(
+            (self.exact, self.law, L2_NAME, *(one.text for one in (*self.losses, *self.packets)))
+        )
 
 
 def arrival(follower: Follower) -> Arrival:
@@ -122,21 +132,45 @@ def bases_of(scenario: Scenario, *, equal: bool) -> Bases:
     zero = {index: share.zero for index, share in shares.items() if share.zero < 1.0}
     held = {index: share.held for index, share in shares.items() if share.held < 1.0}
     losses = tuple(
-        LossBasis(tuple(some), text.format(_at(tuple(some), everyone), _share(some)))
+        LinkBasis(tuple(some), text.format(_at(tuple(some), everyone), _share(some)))
         for text, some in ((_ZERO, zero), (_HOLD, held))
         if some
     )
-    without_loss = f" of the loop without loss{_at(tuple(held), everyone)}" if held else ""
+    packets = _packets(scenario)
+    late = [index for basis in packets for index in basis.followers]
+    parts = ((WITHOUT_LOSS, held), (PROMPT, late))
+    loops = [f"{what}{_at(tuple(some), everyone)}" for what, some in parts if some]
+    of_loop = f" of the loop {' and '.join(loops)}" if loops else ""
     interval = ", with the I of the exact test" if zero else ""
     return Bases(
         _exact_test(zero, everyone),
         _EQUAL if equal else _UNEQUAL,
         losses,
-        f"{_PAPER_TEST}{interval}{without_loss and ',' + without_loss}",
-        f"{_LINF_NAME}{without_loss and ';' + without_loss}",
-        _SURE_NAME.format(_LATE if held else _OR_LOST if zero else _ANY_FACTOR),
-        without_loss,
+        packets,
+        f"{_PAPER_TEST}{interval}{of_loop and ',' + of_loop}",
+        f"{_LINF_NAME}{of_loop and ';' + of_loop}",
+        _SURE_NAME.format(_LATE if held or late else _OR_LOST if zero else _ANY_FACTOR),
+        of_loop,
     )
+
+
+def _packets(scenario: Scenario) -> tuple[LinkBasis, ...]:
+    """Say what is judged of followers whose packets are rare or late, those alike together."""
+    found: dict[PacketTimes, list[int]] = {}
+    for follower in scenario.followers:
+        times = packet_times(follower, scenario.run.step)
+        if times.period is not None:
+            found.setdefault(times, []).append(follower.index)
+    return tuple(
+        LinkBasis(
+            tuple(some), _PACKETS.format(f"{_rate(times)}{_at(tuple(some), scenario.indices)}")
+        )
+        for times, some in found.items()
+    )
+
+
+def _rate(times: PacketTimes) -> str:
+    return str(times).removeprefix("a packet ")
 
 
 def _exact_test(zero: dict[int, float], everyone: Sequence[int]) -> str:

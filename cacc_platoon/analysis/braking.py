@@ -39,6 +39,8 @@ class WorstBraking(NamedTuple):
 def worst_braking(scenario: Scenario, verdict: Verdict) -> WorstBraking | None:
     """Compute it for equal followers of the certified law that move; None for others.
 
+    None, too, where packets are rare or late.
+
     Examples
     --------
     >>> from cacc_platoon.analysis import judge
@@ -49,7 +51,8 @@ def worst_braking(scenario: Scenario, verdict: Verdict) -> WorstBraking | None:
     4.8
     """
     certificate, speed = verdict.weakest.certificate, scenario.platoon.initial_speed
-    if certificate is None or verdict.another_law or not verdict.equal_links or speed <= 0:
+    other = verdict.another_law or verdict.weakest.rare_or_late or not verdict.equal_links
+    if certificate is None or other or speed <= 0:
         return None
     vehicles = min(scenario.platoon.followers, _MOST_VEHICLES)
     try:

@@ -9,6 +9,7 @@ from cacc_platoon.errors import UserError
 from cacc_platoon.theory import Certificate, Failure
 
 AS_JUDGED, WITHOUT_LOSS = "as judged", "without loss"
+PROMPT = "with packets that are prompt"
 
 
 class FollowerVerdict(NamedTuple):
@@ -63,16 +64,27 @@ class FollowerVerdict(NamedTuple):
     def loop(self) -> str:
         """Which loop its gains and the paper's test are of.
 
-        That is the loop without loss where the last packet is held, since `string_stable` is then
-        judged by the sampled loop too.
+        That is the loop without loss where the last packet is held, and the one with a packet
+        every control period, at once, where they are rare or late: those are judged by the sampled
+        loop too.
         """
-        held = self.certificate is not None and self.certificate.held < 1.0
-        return WITHOUT_LOSS if held else AS_JUDGED
+        parts = ((WITHOUT_LOSS, self.holds), (PROMPT, self.rare_or_late))
+        return ", ".join(part for part, has in parts if has) or AS_JUDGED
 
     @property
     def of_loop(self) -> str:
         """Of which loop its gains are, for a sentence, where it is not the one that is judged."""
-        return " of the loop without loss" if self.loop == WITHOUT_LOSS else ""
+        return "" if self.loop == AS_JUDGED else f" of the loop {self.loop}"
+
+    @property
+    def holds(self) -> bool:
+        """Whether it holds the last packet while others are lost."""
+        return self.certificate is not None and self.certificate.held < 1.0
+
+    @property
+    def rare_or_late(self) -> bool:
+        """Whether packets come to it less often than every control period, or late."""
+        return self.certificate is not None and self.certificate.v2v_period is not None
 
     @property
     def in_paper_region(self) -> bool:

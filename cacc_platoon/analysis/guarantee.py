@@ -19,7 +19,20 @@ def guarantee_of(certificates: Sequence[Certificate], *, equal_links: bool) -> s
     """Say what certificates prove, of which signal, in which norm, for which noise and links."""
     if not certificates:
         return "nothing is guaranteed"
-    rest = "in the mean over the noise, for every lag up to"
+    grown = [one.v2v_growth for one in certificates if one.v2v_growth]
+    if any(one.growth > 1.0 for one in grown):
+        return "nothing is guaranteed: with packets as rare and late as these errors may grow"
+    late = max(certificate.latency for certificate in certificates)
+    packets = f", packets {late:g} s late" if late else ""
+    rest = f"in the mean over the noise{packets}, for every lag up to"
+    if any(certificate.rare for certificate in certificates):
+        if not equal_links:
+            return "nothing is guaranteed of unequal links with packets at a rate of their own"
+        return (
+            f"{rest} {certificates[0].tau_max:g} s and every E[w] that all links share, nothing "
+            "grows in the long run from vehicle to vehicle with packets at this rate, all sent at "
+            "the same instants"
+        )
     if equal_links:
         return (
             f"{rest} {certificates[0].tau_max:g} s and every E[w] that all links share, |a_i|_2 "

@@ -13,6 +13,7 @@ from cacc_platoon.analysis.consistency import Consistency
 from cacc_platoon.analysis.follower_verdict import FollowerVerdict
 from cacc_platoon.analysis.guarantee import guarantee_of, noise_statistics, of_unequal
 from cacc_platoon.analysis.noise import LinkNoise
+from cacc_platoon.analysis.packets import growth_with_packets, packet_times
 from cacc_platoon.analysis.premises import broken_premises, other_laws
 from cacc_platoon.errors import UserError
 from cacc_platoon.scenario import Follower, Scenario
@@ -33,6 +34,7 @@ JUDGED_BY = (
     "in_paper_region",
     "internally_stable",
     "sampled_string_stable",
+    "v2v_growth",
 )
 """The parts of a certificate that a verdict needs; where one cannot be computed it is undecided."""
 
@@ -167,6 +169,7 @@ def judge(
             follower.tau_max,
             follower.v2v.rho,
             *arrival(follower),
+            packet_times(follower, scenario.run.step),
             noise_statistics(follower, scenario.run.step),
         )
         if key not in seen:
@@ -182,6 +185,7 @@ def judge(
         bool(other_laws(scenario)),
         (
             *_sampled_too_slowly(verdicts),
+            *growth_with_packets(scenario, verdicts, equal=equal),
             *broken_premises(scenario, noise or [], reception or [], consistency),
         ),
         tuple(verdicts),
@@ -203,7 +207,7 @@ def _judge_follower(follower: Follower, step: float) -> FollowerVerdict:
 
 
 def _decide(follower: Follower, step: float) -> FollowerVerdict:
-    share = arrival(follower)
+    share, packets = arrival(follower), packet_times(follower, step)
     certificate = certify(
         follower.gains,
         follower.v2v.rho,
@@ -212,6 +216,8 @@ def _decide(follower: Follower, step: float) -> FollowerVerdict:
         reception=share.zero,
         held=share.held,
         noise=noise_statistics(follower, step),
+        latency=packets.latency,
+        v2v_period=packets.period,
     )
     for part in JUDGED_BY:  # what cannot be computed shows here, not when the verdict is read
         getattr(certificate, part)
@@ -253,8 +259,8 @@ def _sampled_too_slowly(verdicts: list[FollowerVerdict]) -> list[str]:
 def _realised(verdict: FollowerVerdict, follower: Follower, mean: float) -> FollowerVerdict:
     """Fill in what holds for the mean w that this run had."""
     share = arrival(follower)
-    held = share.held < 1.0  # one gain does not describe a receiver that holds
-    if not verdict.decided or held or not abs(mean) < _ABSURD:
+    several = verdict.holds or verdict.rare_or_late  # no one gain describes such a receiver
+    if not verdict.decided or several or not abs(mean) < _ABSURD:
         return verdict._replace(follower=follower.index)
     k = follower.gains.k_a * mean * share.zero
     return verdict._replace(

@@ -266,10 +266,15 @@ def _explanation(question: Question, found: Recommendation | None, name: str) ->
     ]
 
 
-def _losses(ask: Requirements) -> dict[str, float | str]:
-    if ask.reception == 1.0:
-        return {}
-    return {"v2v.loss": 1.0 - ask.reception, "v2v.reception": "hold" if ask.hold else "zero"}
+def _channel(ask: Requirements) -> dict[str, float | str]:
+    """Return the packets that are asked for as parameters of a scenario."""
+    packets: dict[str, float | str] = {"v2v.latency": ask.latency}
+    if ask.v2v_period is not None:
+        packets["v2v.period"] = ask.v2v_period
+    if ask.reception < 1.0:
+        packets["v2v.loss"] = 1.0 - ask.reception
+        packets["v2v.reception"] = "hold" if ask.hold else "zero"
+    return packets
 
 
 def _write(path: Path, question: Question, gains: Gains) -> None:
@@ -281,7 +286,7 @@ def _write(path: Path, question: Question, gains: Gains) -> None:
             "vehicle.tau_max": question.tau_max,
             **{f"controller.{name}": value for name, value in gains._asdict().items()},
             "v2v.rho": question.rho,
-            **_losses(question.requirements),
+            **_channel(question.requirements),
             "run.step": step,
             "run.duration": round(math.ceil(_DURATION / step) * step, 9),
         },
@@ -295,14 +300,4 @@ def _write(path: Path, question: Question, gains: Gains) -> None:
             f"--write {path} cannot be written ({error.strerror}): the design is not saved. "
             "Choose another place."
         ) from error
-    print(f"scenario in {path}{_not_in_a_scenario(question.requirements)}", file=sys.stderr)
-
-
-def _not_in_a_scenario(ask: Requirements) -> str:
-    """Say what was asked for that no channel of a scenario has."""
-    left = []
-    if ask.latency:
-        left.append(f"at once, not {ask.latency:g} s late")
-    if ask.v2v_period is not None:
-        left.append(f"every control period, not every {ask.v2v_period:g} s")
-    return f"; its packets come {', and '.join(left)}" if left else ""
+    print(f"scenario in {path}", file=sys.stderr)

@@ -4,11 +4,13 @@ from cacc_platoon.model.control import ConstantTimeHeadway, ControlLaw, Gains
 from cacc_platoon.model.impairment import (
     Channel,
     ComposedChannel,
+    ConstantLatency,
     ContentNoise,
     Delivery,
     Impairment,
     IndependentLoss,
     Packets,
+    SendTimes,
 )
 from cacc_platoon.model.leader import (
     LeaderProfile,
@@ -36,6 +38,7 @@ __all__ = [
     "BitNoise",
     "Channel",
     "ComposedChannel",
+    "ConstantLatency",
     "ConstantNoise",
     "ConstantTimeHeadway",
     "ContentNoise",
@@ -52,6 +55,7 @@ __all__ = [
     "PiecewiseConstantAcceleration",
     "Reception",
     "RecordedMotion",
+    "SendTimes",
     "SinePulse",
     "State",
     "ThirdOrderPlant",

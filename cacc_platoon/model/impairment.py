@@ -245,27 +245,83 @@ class IndependentLoss:
         return packets._replace(arrives=packets.arrives & kept)
 
 
+class ConstantLatency:
+    """Delays every packet by the same number of samples.
+
+    Parameters
+    ----------
+    samples : int
+        How many, >= 0.
+
+    Examples
+    --------
+    >>> channel = ComposedChannel([ConstantLatency(2)])
+    >>> delivery = channel.delivery(0, 5)
+    >>> delivery.source.tolist(), delivery.sample.tolist()
+    ([0, 1, 2], [2, 3, 4])
+    """
+
+    def __init__(self, samples: int) -> None:
+        self.longest_delay = samples
+        self.prompt = samples == 0
+
+    def apply(self, packets: Packets) -> Packets:
+        """Return the packets, later."""
+        return packets._replace(delay=packets.delay + self.longest_delay)
+
+
+class SendTimes(NamedTuple):
+    """At which samples a packet is sent: `phase`, `phase + interval`, and so on.
+
+    Examples
+    --------
+    >>> SendTimes(interval=10, phase=3).between(0, 30).tolist()
+    [3, 13, 23]
+    """
+
+    interval: int = 1
+    phase: int = 0
+
+    def between(self, start: int, stop: int) -> Integers:
+        """Return the samples start..stop-1 at which a packet is sent."""
+        first = max(0, -(-(start - self.phase) // self.interval))
+        return np.arange(self.phase + first * self.interval, stop, self.interval, dtype=np.int64)
+
+    def number(self, source: Integers) -> Integers:
+        """Return the numbers p of the packets that are sent at these samples."""
+        return (source - self.phase) // self.interval
+
+
+EVERY_SAMPLE = SendTimes()
+
+
 class ComposedChannel:
-    """A packet every sample, and impairments in their order.
+    """Packets, one every sample unless send times say otherwise, and impairments in their order.
 
     Examples
     --------
     >>> channel = ComposedChannel([])
     >>> channel.prompt, channel.delivery(5, 8).source.tolist()
     (True, [5, 6, 7])
+    >>> ComposedChannel([], SendTimes(interval=10)).delivery(5, 25).source.tolist()
+    [10, 20]
     """
 
-    def __init__(self, impairments: Sequence[Impairment]) -> None:
-        self._impairments = tuple(impairments)
-        self.prompt = all(impairment.prompt for impairment in self._impairments)
+    def __init__(
+        self, impairments: Sequence[Impairment], send_times: SendTimes = EVERY_SAMPLE
+    ) -> None:
+        self._impairments, self._send_times = tuple(impairments), send_times
+        prompt = all(impairment.prompt for impairment in self._impairments)
+        self.prompt = prompt and send_times == EVERY_SAMPLE
         self.longest_delay = sum(impairment.longest_delay for impairment in self._impairments)
 
     def delivery(self, start: int, stop: int) -> Delivery:
         """Return the packets delivered at the receiver's samples start..stop-1."""
-        number = np.arange(max(0, start - self.longest_delay), stop, dtype=np.int64)
+        source = self._send_times.between(max(0, start - self.longest_delay), stop)
+        number = self._send_times.number(source)
         packets = Packets(
             number,
-            number,
+            source,
             np.ones(len(number)),
             np.ones(len(number), np.bool_),
             np.zeros(len(number), np.int64),

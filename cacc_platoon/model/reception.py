@@ -62,33 +62,44 @@ class HoldReception:
 
 
 class ZeroReception:
-    """Uses the value that arrives at a sample, 0 where none does.
+    """Uses the newest value until the next one is due, and 0 from then on while none arrives.
+
+    Parameters
+    ----------
+    interval : int, optional
+        Samples from packet to packet.
 
     Examples
     --------
     >>> reception = ZeroReception()
     >>> reception.use([(0, 1.5)]), reception.use([]), reception.use([(2, 2.5)])
     (1.5, 0.0, 2.5)
+    >>> reception = ZeroReception(interval=2)
+    >>> [reception.use(delivered) for delivered in ([(0, 1.5)], [], [])]
+    [1.5, 1.5, 0.0]
     """
 
-    def __init__(self) -> None:
-        self._source = -1
+    def __init__(self, interval: int = 1) -> None:
+        self._interval = interval
+        self._source, self._value, self._left = -1, 0.0, 0
 
     def use(self, delivered: Iterable[tuple[int, float]]) -> float:
-        """Return the newest value that arrives now, or 0."""
-        value = 0.0
-        for source, arrived in delivered:
+        """Return the newest value until the next one is due, or 0."""
+        for source, value in delivered:
             if source > self._source:
-                self._source, value = source, arrived
-        return value
+                self._source, self._value, self._left = source, value, self._interval
+        self._left -= 1
+        return self._value if self._left >= 0 else 0.0
 
     def chosen(self, delivery: Delivery, samples: int) -> Integers:
         """Return which packet is used at each sample."""
-        rows = np.full(samples, -1)
         kept = _not_overtaken(delivery.source)
-        kept = kept[delivery.sample[kept] < samples]
-        rows[delivery.sample[kept]] = kept
-        return rows
+        every = np.arange(samples)
+        last = np.searchsorted(delivery.sample[kept], every, side="right") - 1
+        if not len(kept):
+            return np.full(samples, -1)
+        since = every - delivery.sample[kept[last]]
+        return np.where((last >= 0) & (since < self._interval), kept[last], -1)
 
 
 def picked(values: npt.NDArray[Number], chosen: Integers, none: float) -> npt.NDArray[Number]:

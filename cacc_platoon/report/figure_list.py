@@ -166,8 +166,14 @@ def _lost(one: FollowerVerdict) -> str:
     """Say what packet loss is to a picture of a follower's design."""
     if one.certificate is not None and one.certificate.reception < 1.0:
         return " Lost packets count as zero, I reaches down to p m k_a."
-    return (
-        " The loop without loss; the one that holds lost packets is judged too."
-        if one.of_loop
-        else ""
+    if not one.of_loop:
+        return ""
+    own = " and ".join(
+        what
+        for what, has in (
+            ("the one that holds lost packets", one.holds),
+            ("the one with the run's packets", one.rare_or_late),
+        )
+        if has
     )
+    return f" The loop {one.loop}; {own} is judged too."

@@ -73,10 +73,11 @@ def _verdict_lines(report: Report) -> list[str]:
         f"  peaks of a_i grow per hop by a factor of {verdict.sure_gain:.6g} at most whatever the "
         f"noise does, {verdict.linf_gain:.6g} in the mean{_linf_of(report)}",
         *_mean_square_line(verdict),
-        f"  paper's Theorem 2 (sufficient){verdict.bases.without_loss}: "
+        f"  paper's Theorem 2 (sufficient){verdict.bases.of_loop}: "
         + ("passed" if verdict.in_paper_region else "failed"),
     ]
     lines += [f"  packet loss: {basis.text}" for basis in verdict.bases.losses]
+    lines += [f"  packets: {basis.text}" for basis in verdict.bases.packets]
     lines += [f"  VOID for this run: {reason}" for reason in verdict.void]
     return lines
 
@@ -109,7 +110,7 @@ def _linf_of(report: Report) -> str:
     verdict = report.verdict
     largest = [one for one in verdict.followers if one.linf_gain == verdict.linf_gain]
     if not largest or any(one.loop == verdict.weakest.loop for one in largest):
-        return ""
+        return verdict.weakest.of_loop
     return f" (vehicle {largest[0].follower}, loop {largest[0].loop})"
 
 

@@ -7,7 +7,6 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-from cacc_platoon.analysis.follower_verdict import WITHOUT_LOSS
 from cacc_platoon.analysis.metrics import describe_growth
 from cacc_platoon.notation import as_html
 from cacc_platoon.report.tables import cell, text_table
@@ -97,7 +96,7 @@ def _meaning(report: Report) -> str:
         )
     mean = ", in the mean of all losses" if verdict.bases.losses else ""
     if verdict.string_stable:
-        slow = any(one.loop == WITHOUT_LOSS and not one.sampled for one in verdict.followers)
+        slow = any(one.holds and not one.sampled for one in verdict.followers)
         subject = "Sampled fast enough, " if slow else ""
         said = f"{subject}{verdict.guarantee}{mean}"
         return f"{said[0].upper()}{said[1:]}: {weakest.gain}. {course}"
@@ -135,6 +134,11 @@ def _certificate_rows(report: Report) -> Iterator[tuple[str, str, str]]:
         fails = any(one.decided and not _with_loss(one) for one in concerned)
         open_ = not fails and not all(one.decided for one in concerned)
         yield "With packet loss, in the mean", _answer(not fails, open_), loss.text
+    for packets in bases.packets:
+        concerned = [one for one in verdict.followers if one.follower in packets.followers]
+        grown = [one.certificate.v2v_growth for one in concerned if one.certificate]
+        growth = max((one.growth for one in grown if one), default=math.nan)
+        yield "Growth per hop with these packets, in the mean, at most", _g(growth), packets.text
     yield "Ratio of peaks of a_i per hop, in every run, at most", _g(verdict.sure_gain), bases.sure
     yield "The same in the mean, at most", _g(verdict.linf_gain), bases.linf
     if not verdict.equal_links:
@@ -212,12 +216,14 @@ def _obeyed(found: Consistency) -> str:
 
 def _with_loss(one: FollowerVerdict) -> bool:
     """Return whether a follower passes the test of its mean system, sampled where it holds."""
-    return one.string_stable and (one.sampled or one.loop != WITHOUT_LOSS)
+    return one.string_stable and (one.sampled or not one.holds)
 
 
 def _realised_with_loss(verdict: Verdict) -> str:
     """Say what the test with realised noise makes of lost packets."""
-    if any(one.loop == WITHOUT_LOSS for one in verdict.followers):
+    if any(one.rare_or_late for one in verdict.followers):
+        return "; unknown with packets that are rare or late, which no one gain describes"
+    if any(one.holds for one in verdict.followers):
         return "; unknown with followers that hold lost packets, which no one gain describes"
     return ", losses in the mean" if verdict.bases.losses else ""
 

@@ -17,7 +17,16 @@ from cacc_platoon.scenario.follower import Follower
 from cacc_platoon.scenario.names import vehicle_name
 from cacc_platoon.scenario.parameter import ScenarioError, refuse_unknown
 from cacc_platoon.scenario.plugin import check_plugin
-from cacc_platoon.scenario.table import FORMER_NAMES, SNR_DB, TABLE, Leader, Platoon, Run, Vehicle
+from cacc_platoon.scenario.table import (
+    FORMER_NAMES,
+    SNR_DB,
+    TABLE,
+    V2V,
+    Leader,
+    Platoon,
+    Run,
+    Vehicle,
+)
 
 MAX_SAMPLES = 10**8
 """More would neither fit into memory nor end."""
@@ -192,8 +201,21 @@ def check_follower(follower: Follower, step: float, source: str) -> None:
         )
     check_plugin(v2v.channel, TABLE["v2v.channel"], source)
     check_plugin(follower.law_name, TABLE["controller.law"], source)
-    if v2v.hold and not _is_multiple(v2v.hold, step):
-        raise TABLE["v2v.hold"].refusal(v2v.hold, source, f"must be a multiple of {step:g} s")
+    for name in ("hold", "period"):
+        value = getattr(v2v, name)
+        if value and not _is_multiple(value, step):
+            raise TABLE[f"v2v.{name}"].refusal(value, source, f"must be a multiple of {step:g} s")
+    _check_phase(v2v, step, source)
+
+
+def _check_phase(v2v: V2V, step: float, source: str) -> None:
+    """Refuse a phase that is no control instant of the first period."""
+    phase, period = v2v.phase, v2v.period or step
+    if isinstance(phase, str):
+        return
+    if phase >= period or (phase and not _is_multiple(phase, step)):
+        rule = f"must be a multiple of {step:g} s below the period, {period:g} s"
+        raise TABLE["v2v.phase"].refusal(phase, source, rule)
 
 
 def _is_multiple(value: float, unit: float) -> bool:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 from cacc_platoon.model import (
     BitNoise,
     Channel,
     ComposedChannel,
+    ConstantLatency,
     ConstantNoise,
     ConstantTimeHeadway,
     ContentNoise,
@@ -19,12 +21,17 @@ from cacc_platoon.model import (
     Link,
     Noise,
     Reception,
+    SendTimes,
     ThirdOrderPlant,
     ZeroReception,
     expected_factor,
 )
+from cacc_platoon.model.keyed_random import PHASE, keyed_uniform
 from cacc_platoon.scenario.plugin import make_plugin
 from cacc_platoon.scenario.table import TABLE, V2V
+
+WHOLE = 1e-9
+"""How far a number of control periods may be from a whole one, for rounding alone."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +42,8 @@ class Follower:
     ----------
     link : Link
         The link that noise and channel are those of, from its predecessor unless `on` says.
+    step : float
+        Control period [s].
     """
 
     link: Link
@@ -44,7 +53,7 @@ class Follower:
     standstill_distance: float
     v2v: V2V
     seed: int
-    hold_steps: int
+    step: float
     law_name: str = ""
     length: float = 0.0
 
@@ -56,6 +65,31 @@ class Follower:
     def on(self, link: Link) -> Follower:
         """Return the same follower as the receiver of another of its links."""
         return replace(self, link=link)
+
+    @property
+    def hold_steps(self) -> int:
+        """For how many control periods one draw of the noise is held."""
+        return max(1, round(self.v2v.hold / self.step))
+
+    @property
+    def latency_steps(self) -> int:
+        """By how many control periods packets come later."""
+        return math.ceil(self.v2v.latency / self.step - WHOLE)
+
+    @property
+    def send_times(self) -> SendTimes:
+        """At which samples its sender sends a packet."""
+        interval = max(1, round(self.v2v.period / self.step))
+        match self.v2v.phase:
+            case "aligned":
+                return SendTimes(interval)
+            case "random":
+                drawn = keyed_uniform(self.seed, self.link.key, PHASE, 0, 1)[0]
+                return SendTimes(interval, int(drawn * interval))
+            case float(seconds):
+                return SendTimes(interval, round(seconds / self.step))
+            case other:
+                raise ValueError(f"v2v.phase = {other} has no branch here")
 
     def plant(self, step: float) -> ThirdOrderPlant:
         """Return the vehicle's dynamics at the control period `step` [s]."""
@@ -93,6 +127,10 @@ class Follower:
             case other:
                 raise ValueError(f"v2v.noise = {other} has no branch here")
 
+    def timing(self) -> Channel:
+        """Return when the packets of the link come, without noise and losses."""
+        return ComposedChannel([ConstantLatency(self.latency_steps)], self.send_times)
+
     def channel(self, noise: str | None = None) -> Channel:
         """Return the channel of the link; v2v.channel may name another one."""
         if self.v2v.channel:
@@ -105,7 +143,8 @@ class Follower:
         impairments: list[Impairment] = [ContentNoise(self.noise(noise))]
         if self.v2v.loss:
             impairments.append(IndependentLoss(self.v2v.loss, self.seed, self.link.key))
-        return ComposedChannel(impairments)
+        impairments.append(ConstantLatency(self.latency_steps))
+        return ComposedChannel(impairments, self.send_times)
 
     @property
     def own_code(self) -> dict[str, str]:
@@ -124,6 +163,6 @@ class Follower:
             case "hold":
                 return HoldReception()
             case "zero":
-                return ZeroReception()
+                return ZeroReception(self.send_times.interval)
             case other:
                 raise ValueError(f"v2v.reception = {other} has no branch here")

@@ -20,6 +20,7 @@ KIND_TEXT = {
     "tuple[str, ...]": "a list of texts",
     "float | tuple[float, ...]": "a number or a list of numbers, one per follower",
     "int | str": "a whole number or a text",
+    "float | str": "a number or a text",
 }
 
 
@@ -80,7 +81,7 @@ class Parameter:
             )
             if limit is not None
         ]
-        return " and ".join(limits) or " | ".join(self.choices)
+        return " | ".join(filter(None, (" and ".join(limits), *self.choices)))
 
     def check(self, value: object, source: str) -> Any:
         """Return `value` in the parameter's own type.

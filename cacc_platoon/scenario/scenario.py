@@ -194,7 +194,7 @@ class Scenario:
             self.platoon.standstill_distance,
             v2v,
             self.run.seed,
-            max(1, round(v2v.hold / self.run.step)),
+            self.run.step,
             picked["controller.law"],
             picked["vehicle.length"],
         )

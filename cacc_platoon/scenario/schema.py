@@ -21,6 +21,7 @@ TYPES: dict[str, list[dict[str, Any]]] = {
         {"type": "array", "items": {"type": "number"}},
     ],
     "int | str": [{"type": "integer"}, {"type": "string"}],
+    "float | str": [{"type": "number"}, {"type": "string"}],
 }
 LIMITS = {
     "above": "exclusiveMinimum",

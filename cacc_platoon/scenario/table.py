@@ -125,6 +125,28 @@ class V2V:
         at_least=0.0,
         at_most=1e6,
     )
+    period: float = parameter(
+        0.0,
+        "s",
+        "the time from packet to packet, 0 for a packet every control period",
+        at_least=0.0,
+        at_most=1e3,
+    )
+    phase: float | str = parameter(
+        "aligned",
+        "s",
+        "when a link's first packet is sent: at time 0 (aligned), within the first period "
+        "(random), or this long after 0",
+        at_least=0.0,
+        choices=("aligned", "random"),
+    )
+    latency: float = parameter(
+        0.0,
+        "s",
+        "the time from sending to arrival, rounded up to control periods",
+        at_least=0.0,
+        at_most=1e3,
+    )
     loss: float = parameter(
         0.0,
         "-",
@@ -135,10 +157,10 @@ class V2V:
     reception: str = parameter(
         "hold",
         "-",
-        "what a follower uses while packets are lost: the newest value, or zero",
+        "what a follower uses while packets are lost: the newest value, or zero once one is due",
         choices=("hold", "zero"),
     )
-    channel: str = parameter("", "-", "a custom channel, module:Class, in place of noise and loss")
+    channel: str = parameter("", "-", "a custom channel, module:Class, in place of the others")
 
 
 @dataclass(frozen=True)
@@ -203,7 +225,10 @@ class Run:
         above=0.0,
     )
     stall_timeout: float = parameter(
-        10.0, "s", "how long no progress is taken for a pause", above=0.0
+        10.0,
+        "s",
+        "how long no progress is taken for a pause; in proportion more from 100 nodes on",
+        above=0.0,
     )
 
 

@@ -10,12 +10,13 @@ from cacc_platoon.simulation.trajectory import Array
 
 
 def draws_are_fresh(scenario: Scenario) -> bool:
-    """Return whether each draw is independent of what its follower used before it.
+    """Return whether each draw is used at its own sample alone and independent of those before.
 
-    It is not where noise is held over several samples and lost packets are replaced by the last
-    one: a factor is then used before and after a loss.
+    It is not where packets are rare or late, nor where noise is held over several samples and lost
+    packets are replaced by the last one: a factor is then used before and after a loss.
     """
-    return not any(
+    prompt = all(follower.timing().prompt for follower in scenario.receivers)
+    return prompt and not any(
         follower.v2v.loss and follower.v2v.reception == "hold" and _drawn_for(follower) > 1
         for follower in scenario.followers
     )

@@ -80,9 +80,10 @@ class ImpairedLinks(NamedTuple):
 class MeanLinks:
     """The mean of all links' random runs, which is a linear system.
 
-    The mean of w a is E[w] a. Where a packet arrives with probability p, a receiver that uses zero
-    has p E[w] a in the mean, and one that holds has r_k = p E[w] a_k + (1 - p) r_{k-1}: loss and
-    noise of a sample are independent of what was received before, see
+    The mean of w a is E[w] a. Where a packet that is due arrives with probability p, a receiver
+    that uses zero has p E[w] a in the mean until the next one is due, and one that holds has
+    r = p E[w] a + (1 - p) times what it had before, a as it was when the packet was sent: loss and
+    noise of a packet are independent of what was received before, see
     docs/theory.md, section 11 (Extensions).
 
     Parameters
@@ -100,12 +101,31 @@ class MeanLinks:
         self._factor = arrives * np.array(means)
         self._kept = np.where(holds, 1.0 - arrives, 0.0)
         self._received = np.zeros(len(followers))
+        self._due = _due(scenario)
 
     def received(self, sample: int, acceleration: Array) -> Array:
         """Return the mean accelerations that the receivers use."""
-        fresh = self._factor * acceleration[sample].take(self._senders, axis=-1)
-        self._received = fresh + self._kept * self._received if self._kept.any() else fresh
+        if self._due is None:
+            sent = acceleration[sample].take(self._senders, axis=-1)
+        else:
+            sent = np.moveaxis(acceleration[self._due[sample], ..., self._senders], 0, -1)
+        fresh = self._factor * sent
+        used = fresh + self._kept * self._received if self._kept.any() else fresh
+        if self._due is not None:
+            used = np.where(self._due[sample] >= 0, used, self._received)
+        self._received = np.asarray(used, np.float64)
         return self._received
+
+
+def _due(scenario: Scenario) -> Integers | None:
+    """Return which sample's packet is due at each sample, -1 for none; None for its own always."""
+    if all(follower.timing().prompt for follower in scenario.receivers):
+        return None
+    due = np.full((scenario.samples, len(scenario.receivers)), -1)
+    for column, follower in enumerate(scenario.receivers):
+        packets = follower.timing().delivery(0, scenario.samples)
+        due[packets.sample, column] = packets.source
+    return due
 
 
 def mean_factor(follower: Follower) -> float:

@@ -34,17 +34,22 @@ def furthest_sample(scenario: Scenario, horizon: int) -> int:
 
 
 NODES_IN_TIME = 100
-"""Nodes that start within the start time-out; more of them get more time, in proportion."""
+"""Nodes that the time-outs are made for; more of them get more time, in proportion."""
 
 
 def start_limit(scenario: Scenario) -> float:
     """Return how long no node may appear and no connection be made while a run starts [s]."""
-    return scenario.run.start_timeout * max(1.0, len(scenario.node_names) / NODES_IN_TIME)
+    return scenario.run.start_timeout * _share(scenario)
 
 
 def stall_limit(scenario: Scenario) -> float:
     """Return how long a run may make no progress [s]: at a slow pace even a window takes time."""
     run = scenario.run
+    limit = run.stall_timeout * _share(scenario)
     if not run.real_time_factor:
-        return run.stall_timeout
-    return run.stall_timeout + run.window * run.step / run.real_time_factor
+        return limit
+    return limit + run.window * run.step / run.real_time_factor
+
+
+def _share(scenario: Scenario) -> float:
+    return max(1.0, len(scenario.node_names) / NODES_IN_TIME)

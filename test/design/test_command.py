@@ -19,6 +19,7 @@ from cacc_platoon.errors import UserError
 from cacc_platoon.model import Gains
 from cacc_platoon.report.design_terminal import render
 from cacc_platoon.scenario.file import load_scenario
+from cacc_platoon.scenario.table import V2V
 from cacc_platoon.theory import (
     DesignError,
     exact_region,
@@ -205,13 +206,16 @@ def test_a_packet_a_second_can_be_asked_for(capsys):
     assert "V2V [s]" in capsys.readouterr().out
 
 
-def test_what_no_scenario_can_say_is_said(tmp_path, capsys):
-    asked = f"--rho 5 --tau-max 0.5 {CASE_A} --latency 0.02 --v2v-period 0.1"
+def test_packets_that_are_asked_for_are_written(tmp_path, capsys):
+    packets = "--latency 0.02 --v2v-period 0.1 --reception 0.9 --lost zero"
+    asked = f"--rho 5 --tau-max 0.5 {CASE_A} {packets}"
     assert platoon_design(f"{asked} --write {tmp_path / 'late.yaml'}") == 0
-    said = capsys.readouterr().err
-    assert "come at once, not 0.02 s late, and every control period, not every 0.1 s" in said
+    assert capsys.readouterr().err == f"scenario in {tmp_path / 'late.yaml'}\n"
+    v2v = load_scenario(tmp_path / "late.yaml").v2v
+    assert (v2v.latency, v2v.period, v2v.reception) == (0.02, 0.1, "zero")
+    assert v2v.loss == pytest.approx(0.1)
     assert platoon_design(f"--rho 5 --tau-max 0.5 {CASE_A} --write {tmp_path / 'now.yaml'}") == 0
-    assert capsys.readouterr().err == f"scenario in {tmp_path / 'now.yaml'}\n"
+    assert load_scenario(tmp_path / "now.yaml").v2v == V2V(rho=5.0)
 
 
 @pytest.mark.parametrize("lag", ["1e-300", "1e300"])

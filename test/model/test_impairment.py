@@ -10,11 +10,13 @@ from hypothesis import strategies as st
 from cacc_platoon.model import (
     BitNoise,
     ComposedChannel,
+    ConstantLatency,
     ConstantNoise,
     ContentNoise,
     IndependentLoss,
+    SendTimes,
 )
-from cacc_platoon.model.impairment import packets_by_sample
+from cacc_platoon.model.impairment import EVERY_SAMPLE, packets_by_sample
 from cacc_platoon.model.keyed_random import BLOCK, keyed_uniform
 
 N = 200_000
@@ -33,15 +35,17 @@ class AlternatingDelay:
         return packets._replace(delay=packets.delay + delay)
 
 
-def channel(loss=0.3, delay=4, link=2):
+def channel(loss=0.3, delay=4, link=2, times=EVERY_SAMPLE):
     noise = ContentNoise(BitNoise(5.0, [0.5] * 16, seed=3, link=link))
-    return ComposedChannel([noise, IndependentLoss(loss, 3, link), AlternatingDelay(delay)])
+    loses = IndependentLoss(loss, 3, link)
+    return ComposedChannel([noise, loses, AlternatingDelay(delay), ConstantLatency(3)], times)
 
 
 @settings(max_examples=40)
-@given(st.integers(0, 3 * BLOCK), st.integers(1, 2 * BLOCK))
-def test_a_slice_is_that_of_the_whole(start, length):
-    whole, part = channel().delivery(0, 5 * BLOCK), channel().delivery(start, start + length)
+@given(st.integers(0, 3 * BLOCK), st.integers(1, 2 * BLOCK), st.sampled_from([(1, 0), (7, 5)]))
+def test_a_slice_is_that_of_the_whole(start, length, times):
+    one = channel(times=SendTimes(*times))
+    whole, part = one.delivery(0, 5 * BLOCK), one.delivery(start, start + length)
     rows = (whole.sample >= start) & (whole.sample < start + length)
     for all_of_it, some in zip(whole, part, strict=True):
         np.testing.assert_array_equal(all_of_it[rows], some)
@@ -61,6 +65,19 @@ def test_losses_have_their_probability_and_no_memory():
     assert abs((1 - arrived.mean()) - p) < 4 * spread
     both = (~arrived[1:] & ~arrived[:-1]).mean()
     assert abs(both - p * p) < 4 * np.sqrt(p * p * (1 - p * p) / N) * 1.5
+
+
+@pytest.mark.parametrize(("interval", "phase"), [(1, 0), (10, 0), (10, 9), (7, 3)])
+def test_packets_are_sent_at_their_times_and_numbered(interval, phase):
+    times = SendTimes(interval, phase)
+    every = np.arange(0, 500)
+    sent = every[every % interval == phase]
+    np.testing.assert_array_equal(times.between(0, 500), sent)
+    np.testing.assert_array_equal(times.between(123, 321), sent[(sent >= 123) & (sent < 321)])
+    np.testing.assert_array_equal(times.number(sent), np.arange(len(sent)))
+    kept = ComposedChannel([IndependentLoss(0.3, 1, 1)], times).delivery(0, 500).source
+    numbers = ComposedChannel([IndependentLoss(0.3, 1, 1)]).delivery(0, len(sent)).source
+    np.testing.assert_array_equal(times.number(kept), numbers)
 
 
 @pytest.mark.parametrize(("loss", "arrive"), [(0.0, N), (1.0, 0)])
@@ -90,7 +107,7 @@ def test_the_stream_of_losses_is_recorded():
 def test_late_packets_arrive_in_the_order_of_their_delivery():
     delivery = channel(loss=0.0).delivery(0, 50)
     assert (np.diff(delivery.sample) >= 0).all()
-    assert ((delivery.sample - delivery.source) == (delivery.source * 7) % 5).all()
+    assert ((delivery.sample - delivery.source) == (delivery.source * 7) % 5 + 3).all()
     assert (np.diff(delivery.source) < 0).any()
 
 

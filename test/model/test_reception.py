@@ -1,5 +1,7 @@
 """Reception: sample by sample and in arrays alike, whatever is lost, late or overtaken."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -21,7 +23,7 @@ def deliveries(draw):
     return Delivery(source, sample, np.ones(len(packets)))
 
 
-@pytest.mark.parametrize("kind", [HoldReception, ZeroReception])
+@pytest.mark.parametrize("kind", [HoldReception, ZeroReception, partial(ZeroReception, 4)])
 @given(delivery=deliveries())
 def test_arrays_choose_what_a_receiver_uses(kind, delivery):
     values = 1.0 + delivery.source
@@ -37,6 +39,15 @@ def test_what_is_held_is_the_newest_that_has_arrived(delivery):
     for k, row in enumerate(HoldReception().chosen(delivery, SAMPLES)):
         arrived = delivery.source[delivery.sample <= k]
         assert (delivery.source[row] if row >= 0 else -1) == max(arrived, default=-1)
+
+
+@given(delivery=deliveries(), interval=st.integers(1, 9))
+def test_zero_is_used_once_the_next_packet_is_due(delivery, interval):
+    chosen = ZeroReception(interval).chosen(delivery, SAMPLES)
+    held = HoldReception().chosen(delivery, SAMPLES)
+    for k, (row, last) in enumerate(zip(chosen, held, strict=True)):
+        fresh = last >= 0 and k - delivery.sample[last] < interval
+        assert row == (last if fresh else -1)
 
 
 def test_nothing_ever_arrives():

@@ -20,7 +20,7 @@ from cacc_platoon.supervision.newcomers import (
     NEWCOMER_WAIT,
     RIVAL_PATIENCE,
 )
-from cacc_platoon.supervision.pacing import start_limit
+from cacc_platoon.supervision.pacing import stall_limit, start_limit
 from cacc_platoon.supervision.protocol import (
     VERSION,
     HostPhase,
@@ -434,9 +434,11 @@ def test_connections_that_come_and_go_are_no_progress() -> None:
 
 
 @pytest.mark.parametrize(("followers", "limit"), [(1, 30.0), (49, 30.0), (200, 120.3)])
-def test_large_platoons_have_more_time_to_start(followers: int, limit: float) -> None:
+def test_large_platoons_have_more_time(followers: int, limit: float) -> None:
     """N followers are 2 N + 1 nodes; 100 of them are given the start time-out."""
-    assert start_limit(scenario(platoon__followers=followers)) == pytest.approx(limit)
+    large = scenario(platoon__followers=followers)
+    assert start_limit(large) == pytest.approx(limit)
+    assert stall_limit(large) == pytest.approx(limit / 3.0)
 
 
 def test_a_foreign_publisher_is_seen_before_the_leader_goes() -> None:

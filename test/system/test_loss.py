@@ -41,8 +41,25 @@ def test_one_digest_for_nodes_and_simulation(
     assert result.digest == simulated_digest(*settings), result.message
 
 
-def test_the_bag_holds_what_arrived(platoon: Start) -> None:
-    run = platoon(*LOSSY, hosts=2)
+@pytest.mark.parametrize("hosts", [1, "per_node"])
+@pytest.mark.parametrize(
+    "packets", [("v2v.period=0.1", "v2v.phase=random"), ("v2v.latency=0.035", "v2v.loss=0")]
+)
+def test_one_digest_where_packets_are_rare_or_late(
+    platoon: Start, packets: tuple[str, ...], hosts: int | str
+) -> None:
+    settings = (*LOSSY, *packets)
+    result = platoon(*settings, hosts=hosts).result()
+    assert result.exit_code == 0, result.errors
+    assert result.digest == simulated_digest(*settings), result.message
+
+
+RARE = ("v2v.period=0.05", "v2v.latency=0.03")
+
+
+@pytest.mark.parametrize("packets", [(), RARE])
+def test_the_bag_holds_what_arrived(platoon: Start, packets: tuple[str, ...]) -> None:
+    run = platoon(*LOSSY, *packets, hosts=2)
     result = run.result()
     assert result.exit_code == 0, result.errors
     trajectory = simulate(run.scenario)
@@ -62,8 +79,8 @@ def test_the_bag_holds_what_arrived(platoon: Start) -> None:
     assert report.consistency.largest == 0.0
     assert report.verdict.void == ()
     for link in report.measured.reception:
-        assert 0.2 < link.loss < 0.4
-        assert 0.0 < link.age_max < 0.2
+        assert 0.1 < link.loss < 0.5
+        assert 0.0 < link.age_max < (0.6 if packets else 0.2)
 
 
 def test_a_channel_and_a_law_by_name_run_on_nodes(
@@ -84,7 +101,7 @@ def test_a_channel_and_a_law_by_name_run_on_nodes(
 
 @pytest.mark.parametrize("node", ["vehicle", "noise_relay"])
 def test_a_lossy_node_is_replayed_bit_for_bit(platoon: Start, replay: Replay, node: str) -> None:
-    run = platoon(*LOSSY, hosts=2)
+    run = platoon(*LOSSY, *RARE, hosts=2)
     assert run.result().exit_code == 0
     assert replay(run, 2, node)["identical"] is True
 

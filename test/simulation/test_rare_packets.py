@@ -1,0 +1,161 @@
+"""Packets that are rare or late: the simulation beside theory, and what a run says of them."""
+
+import numpy as np
+import pytest
+
+from cacc_platoon.analysis import judge
+from cacc_platoon.analysis.age import link_reception
+from cacc_platoon.scenario import Scenario
+from cacc_platoon.scenario.parameter import ScenarioError
+from cacc_platoon.simulation import simulate
+from cacc_platoon.simulation.monte_carlo import monte_carlo
+from cacc_platoon.simulation.platoon import simulate_mean
+from cacc_platoon.theory.multirate import critical_v2v_period, multirate_growth
+
+STEP = 0.01
+C = {"controller.time_headway": 0.81, "controller.k_a": 0.7, "controller.k_v": 0.69}
+C |= {"controller.k_p": 0.008, "v2v.rho": 5.0}
+D = {"controller.time_headway": 0.95, "controller.k_v": 0.75, "controller.k_p": 1.0}
+DESIGNS = {"A": {}, "D": D}
+
+
+def scenario(**values):
+    """Values by dotted name, a dot being two underscores; noise at its mean unless given."""
+    given = {name.replace("__", "."): value for name, value in values.items()}
+    return Scenario.from_values({"v2v.noise": "expected", **given})
+
+
+@pytest.mark.parametrize("reception", ["hold", "zero"])
+@pytest.mark.parametrize("loss", [0.0, 1.0])
+def test_the_expectation_run_is_the_run_without_chance(loss, reception):
+    """A channel that leaves nothing to chance: the mean of all runs is each of them."""
+    packets = {"v2v__period": 0.1, "v2v__phase": "random", "v2v__latency": 0.035}
+    one = scenario(run__duration=15.0, v2v__loss=loss, v2v__reception=reception, **packets)
+    run, mean = simulate(one), simulate_mean(one)
+    np.testing.assert_array_equal(run.received, mean.received)
+    np.testing.assert_array_equal(run.position, mean.position)
+    assert np.any(run.received != 0.0) == (loss == 0.0)
+
+
+@pytest.mark.parametrize("reception", ["hold", "zero"])
+def test_the_mean_of_lossy_runs_is_the_expectation_run(reception):
+    """Within 4 standard errors of 400 runs, at every sample of three vehicles."""
+    values = {"platoon__followers": 3, "run__duration": 16.0, "leader__start": 1.0}
+    packets = {"v2v__period": 0.1, "v2v__latency": 0.03, "v2v__loss": 0.3}
+    one = scenario(**values, **packets, v2v__reception=reception, leader__angular_frequency=0.8)
+    ensemble, mean = monte_carlo(one, 400), simulate_mean(one)
+    apart = np.abs(ensemble.mean - mean.spacing_error)
+    error = ensemble.standard_error
+    assert np.mean(apart <= 2.0 * error + 1e-12) > 0.9
+    assert np.max(apart - 4.5 * error) < 1e-9
+    assert np.max(error) > 1e-4
+
+
+def growth_in_time(values, growth, vehicles=24):
+    """Growth per hop far behind a leader that swings for ever where it is largest."""
+    lasting = 600.0
+    times = np.arange(0.0, lasting + 0.1, 0.05)
+    speeds = 25.0 - 0.5 * np.cos(growth.omega * times) + 0.5
+    one = scenario(
+        platoon__followers=vehicles,
+        run__duration=lasting,
+        leader__profile="csv",
+        leader__times=tuple(times.round(9).tolist()),
+        leader__speeds=tuple(speeds.tolist()),
+        vehicle__tau=growth.tau,
+        v2v__noise="none",
+        **values,
+    )
+    run = simulate(one)
+    last = run.time > lasting - 10.0 * 2.0 * np.pi / growth.omega
+    wave = np.exp(-1j * growth.omega * run.time[last])
+    size = np.abs((run.acceleration[last] * wave[:, np.newaxis]).mean(axis=0))
+    return (size[-1] / size[-9]) ** (1.0 / 8.0)
+
+
+def test_growth_per_hop_is_that_of_theory():
+    """Case A, 0.2 s: 1.003 per hop in theory, at k = M k_a; k_a is set to that gain."""
+    gains = scenario().follower(1).gains
+    found = multirate_growth(gains, 0.5, 0.6, STEP, 20)
+    values = {"controller__k_a": 0.6, "v2v__period": 0.2, "v2v__rho": 1e9}
+    assert growth_in_time(values, found) == pytest.approx(found.growth, abs=1e-4)
+
+
+@pytest.mark.parametrize("design", DESIGNS)
+def test_the_verdict_turns_at_the_critical_period(design):
+    gains = Scenario.from_values(DESIGNS[design]).follower(1).gains
+    critical = critical_v2v_period(gains, 5.0, 0.5, STEP)
+    for period, bears in ((critical, True), (critical + STEP, False)):
+        one = Scenario.from_values({**DESIGNS[design], "v2v.period": round(period, 3)})
+        verdict = judge(one)
+        assert verdict.certified is bears
+        assert verdict.string_stable
+        assert ("nothing grows in the long run" in verdict.guarantee) is bears
+        assert any("accelerations grow in the mean" in reason for reason in verdict.void) != bears
+        assert "growth per hop in the long run" in verdict.basis
+
+
+@pytest.mark.parametrize(("late", "bears"), [(0.07, True), (0.3, False)])
+def test_latency_alone_is_judged_too(late, bears):
+    verdict = judge(Scenario.from_values({"v2v.latency": late}))
+    assert verdict.certified is bears
+    assert ("packets 0.07 s late" in verdict.guarantee) is bears
+    assert verdict.weakest.loop == "with packets that are prompt"
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"v2v.phase": "random"}, "links send at different instants"),
+        ({"vehicle_2": {"v2v.period": 0.05}}, "on unequal links"),
+        ({"vehicle_2": {"v2v.phase": 0.03}}, "on unequal links"),
+    ],
+)
+def test_what_no_theorem_covers_voids_the_certificate(values, words):
+    own = {2: values.pop("vehicle_2")} if "vehicle_2" in values else None
+    verdict = judge(Scenario.from_values({"v2v.period": 0.1, **values}, own))
+    assert not verdict.certified
+    assert any(words in reason for reason in verdict.void)
+
+
+def test_what_was_sent_is_counted_by_packets():
+    one = scenario(run__duration=20.0, v2v__period=0.1, v2v__latency=0.03, v2v__phase=0.05)
+    for link in link_reception(simulate(one)):
+        assert (link.sent, link.arrived, link.loss) == (200, 200, 0.0)
+        assert link.age_max == pytest.approx(0.12)
+    lost = scenario(run__duration=200.0, v2v__period=0.1, v2v__loss=0.25)
+    links = link_reception(simulate(lost))
+    share = sum(link.sent - link.arrived for link in links) / sum(link.sent for link in links)
+    assert abs(share - 0.25) < 4.0 * np.sqrt(0.25 * 0.75 / (12 * 2001))
+
+
+def test_phases_are_drawn_by_link_and_seed():
+    def phases(**values):
+        one = scenario(v2v__period=1.0, v2v__phase="random", platoon__followers=200, **values)
+        return [follower.send_times.phase for follower in one.followers]
+
+    assert phases() == phases()
+    assert phases() != phases(run__seed=2)
+    assert np.ptp(phases()) > 80
+    assert abs(np.mean(phases()) - 49.5) < 4.0 * 100.0 / np.sqrt(12.0 * 200.0)
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"v2v__period": 0.015}, r"v2v.period = 0.015 s must be a multiple of 0.01 s"),
+        ({"v2v__period": -0.1}, r"v2v.period = -0.1 s must be >= 0 and <= 1000"),
+        ({"v2v__period": "cam"}, r"v2v.period = 'cam' s must be a number"),
+        ({"v2v__period": 0.1, "v2v__phase": 0.1}, r"v2v.phase = 0.1 s must be a multiple of"),
+        ({"v2v__period": 0.1, "v2v__phase": 0.005}, r"v2v.phase = 0.005 s must be a multiple of"),
+        ({"v2v__phase": 0.01}, r"v2v.phase = 0.01 s must be .* below the period, 0.01 s"),
+        ({"v2v__phase": "late"}, r"v2v.phase = 'late' s must be >= 0 | aligned | random"),
+        ({"v2v__phase": -0.01}, r"v2v.phase = -0.01 s must be >= 0"),
+        ({"v2v__latency": -1.0}, r"v2v.latency = -1.0 s must be >= 0"),
+        ({"v2v__latency": float("inf")}, r"v2v.latency = inf s must be finite"),
+    ],
+)
+def test_wrong_packets_are_refused_in_one_line(values, words):
+    with pytest.raises(ScenarioError, match=words) as told:
+        scenario(**values)
+    assert "\n" not in str(told.value)
