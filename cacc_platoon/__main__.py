@@ -1,11 +1,16 @@
 """The `platoon` command; until it listens to Ctrl-C, that ends it without a word."""
 
+import os
 import signal
 import sys
 
 
 def main() -> int:
-    """Load the command and run it."""
+    """Load the command and run it.
+
+    Its matrices are so small that threads of the linear algebra only wait for each other.
+    """
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     before = signal.getsignal(signal.SIGINT)
     if before is not signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.SIG_DFL)

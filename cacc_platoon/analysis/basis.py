@@ -19,13 +19,13 @@ _PAPER_TEST = "paper's Theorem 2: h_w > h_lb(k_a) and (k_p, k_v) in S = S1 and S
 _LINF_NAME = (
     "L-infinity: L1 norm of the impulse response of H, largest over every tau in (0, tau0] by a "
     "scan, whose bound for the lags between is above, and at both ends of I; bounds the ratio of "
-    "peaks of a_i, and of delta_i between followers that are equal, E[w] too, in the mean system, "
-    "and of no noisy run"
+    "peaks of a_i, and of delta_i between followers that are equal, E[w] too, in the mean system "
+    "in continuous time: of no noisy run, and of no sampled one, whose peaks grow a little more"
 )
 _SURE_NAME = (
     "L-infinity: sum of max |h[n]| over {}, of the loop sampled at the control period; largest of "
-    "17 lags up to tau0 and the plant without lag; bounds the ratio of peaks of a_i in every run, "
-    "however w changes in time"
+    "17 lags up to tau0 and the plant without lag; bounds the ratio of peaks of a_i in every run "
+    "of vehicles of equal lags, at control instants, however w changes in time"
 )
 _ANY_FACTOR = "every w in [1 - 1/rho, 1 + 1/rho] that the noise may have at any instant"
 _OR_LOST = f"w = 0, which is a lost packet, and {_ANY_FACTOR}"

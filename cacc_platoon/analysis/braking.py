@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from cacc_platoon.theory import DesignError, worst_spacing
+from cacc_platoon.theory.worst_braking import SHARES
 
 if TYPE_CHECKING:
     from cacc_platoon.analysis.verdict import Verdict
@@ -24,8 +25,8 @@ class WorstBraking(NamedTuple):
     Attributes
     ----------
     gap, speed, deceleration : float
-        In the mean system, the least of both ends of I and of three lags, the largest, half of it
-        and a tenth; NaN where it cannot be computed.
+        In the mean system, the least of both ends of I and of the lags of `SHARES`; NaN where it
+        cannot be computed.
     vehicles : int
         So many followers are looked at.
     """
@@ -59,8 +60,8 @@ def worst_braking(scenario: Scenario, verdict: Verdict) -> WorstBraking | None:
         with np.errstate(all="ignore"):
             gaps = worst_spacing(
                 certificate.gains,
-                [x * certificate.tau_max for x in (1.0, 0.5, 0.1) for _ in certificate.interval],
-                [*certificate.interval] * 3,
+                [share * certificate.tau_max for share in SHARES for _ in certificate.interval],
+                [*certificate.interval] * len(SHARES),
                 standstill_distance=scenario.platoon.standstill_distance,
                 speed=speed,
                 deceleration=DECELERATION,

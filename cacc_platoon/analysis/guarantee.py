@@ -15,8 +15,20 @@ if TYPE_CHECKING:
     from cacc_platoon.theory import Certificate, Guarantee
 
 
-def guarantee_of(certificates: Sequence[Certificate], *, equal_links: bool) -> str:
-    """Say what certificates prove, of which signal, in which norm, for which noise and links."""
+_LAGS_DIFFER = (
+    " in continuous time; sampled, where lags differ, no frequency of k a_i + k_v v_i + k_p x_i, "
+    "which the vehicle behind follows, grows, while |a_i|_2 may a little at some hops"
+)
+
+
+def guarantee_of(
+    certificates: Sequence[Certificate], *, equal_links: bool, equal_lags: bool = True
+) -> str:
+    """Say what certificates prove, of which signal, in which norm, for which noise and links.
+
+    Where lags differ, what a sampled vehicle's acceleration is to the one ahead depends on both
+    lags; what it is to ``k a + k_v v + k_p x`` of the one ahead, which it follows, on its own.
+    """
     if not certificates:
         return "nothing is guaranteed"
     grown = [one.v2v_growth for one in certificates if one.v2v_growth]
@@ -39,7 +51,8 @@ def guarantee_of(certificates: Sequence[Certificate], *, equal_links: bool) -> s
             "and |delta_i|_2 do not grow from vehicle to vehicle"
         )
     return (
-        f"{rest} its tau0 and every E[w_i], |a_i|_2 does not grow from vehicle to vehicle; "
+        f"{rest} its tau0 and every E[w_i], |a_i|_2 does not grow from vehicle to vehicle"
+        f"{'' if equal_lags else _LAGS_DIFFER}; "
         f"spacing errors may, links being unequal: |delta_i|_2 <= {_largest_error(certificates)}"
     )
 

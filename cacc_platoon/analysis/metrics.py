@@ -14,6 +14,7 @@ import numpy as np
 
 from cacc_platoon.analysis.age import LinkReception, link_reception
 from cacc_platoon.analysis.noise import LinkNoise, link_noise
+from cacc_platoon.model.leader import least_accelerations
 from cacc_platoon.simulation import Trajectory
 from cacc_platoon.simulation.trajectory import Array
 
@@ -204,10 +205,13 @@ def _least_between(run: Trajectory) -> Array:
     """Return what the gap stays above from each sample to the next [m], shape (samples - 1, N).
 
     Under a held command an acceleration goes from one sample's value to the next without turning,
-    so that the gap lies above the parabola of the least relative acceleration of the two.
+    so that the gap lies above the parabola of the least relative acceleration of the two. A leader
+    may do between samples what no sample shows: its profile says.
     """
     T = run.scenario.run.step
     least = np.minimum(run.acceleration[1:], run.acceleration[:-1])[:, :-1]
+    profile = run.scenario.leader_profile()
+    least[:, 0] = np.minimum(least[:, 0], least_accelerations(profile, T, len(least) + 1))
     most = np.maximum(run.acceleration[1:], run.acceleration[:-1])[:, 1:]
     relative = least - most
     opening = (run.velocity[:, :-1] - run.velocity[:, 1:])[:-1]

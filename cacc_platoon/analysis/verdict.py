@@ -53,6 +53,8 @@ class Verdict:
         Every follower passes the paper's sufficient test.
     bases : Bases
         What the statements rest on.
+    equal_lags : bool
+        Whether all vehicles have the same lag.
     equal_links : bool
         Whether delta_i = H delta_{i-1} holds; with unequal followers the test certifies
         a_i = H_i a_{i-1} instead.
@@ -72,6 +74,7 @@ class Verdict:
     string_stable: bool
     in_paper_region: bool
     bases: Bases
+    equal_lags: bool
     equal_links: bool
     another_law: bool
     void: tuple[str, ...]
@@ -109,7 +112,7 @@ class Verdict:
         """What is proven, of which signal, in which norm, for which noise and links."""
         good = self.string_stable and not self.another_law
         certificates = [one.certificate for one in self.followers if good and one.certificate]
-        return guarantee_of(certificates, equal_links=self.equal_links)
+        return guarantee_of(certificates, equal_links=self.equal_links, equal_lags=self.equal_lags)
 
     @property
     def guarantees(self) -> tuple[Guarantee, ...]:
@@ -181,6 +184,7 @@ def judge(
         stable,
         all(verdict.in_paper_region for verdict in verdicts),
         bases_of(scenario, equal=equal),
+        len({follower.tau for follower in scenario.followers}) == 1,
         equal,
         bool(other_laws(scenario)),
         (

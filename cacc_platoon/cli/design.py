@@ -46,7 +46,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="time from packet to packet [s], a multiple of the control period; all vehicles send "
         "at the same instants (one every period)",
     )
-    question.add_argument("--reception", type=float, default=1.0, help="least packet reception (1)")
+    question.add_argument(
+        "--reception",
+        type=float,
+        default=1.0,
+        help="packet reception (1); the least one where lost packets count as zero",
+    )
     question.add_argument(
         "--lost",
         choices=("zero", "hold"),

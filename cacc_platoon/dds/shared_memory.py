@@ -83,6 +83,18 @@ def used_segments(pid: int | str = "self") -> set[str]:
     return {name for name in names if _FILE.fullmatch(name)}
 
 
+def removed_ports() -> set[str]:
+    """Return the names of the Fast DDS ports in use here that are no longer in /dev/shm."""
+    lines = Path("/proc/self/maps").read_text().splitlines()
+    gone = " (deleted)"
+    names = (
+        line.removesuffix(gone).rpartition(f" {SHARED_MEMORY}/")[2]
+        for line in lines
+        if line.endswith(gone)
+    )
+    return {name for name in names if _PORT in name and _FILE.fullmatch(name)}
+
+
 def note_start() -> None:
     """Write down that this process begins to use shared memory; to be called before DDS starts."""
     _write(Note(since=time.time()))

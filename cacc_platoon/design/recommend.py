@@ -93,7 +93,7 @@ def recommend(
     require(
         bool(front),
         "no candidate met the requirements when certified exactly: they are at the limit of what "
-        "is possible. Relax latency, period or max_linf a little.",
+        "this search finds. Relax latency, period or max_linf a little.",
     )
     final = pareto_front(np.array([design.costs for design in front]))
     front = [front[int(i)] for i in final]

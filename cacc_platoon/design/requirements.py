@@ -16,12 +16,13 @@ from cacc_platoon.theory.errors import (
     require_reception,
     require_rho,
 )
+from cacc_platoon.theory.exact import TOLERANCE
 from cacc_platoon.theory.lifted_hop import packet_interval
 from cacc_platoon.theory.mean_square import NoiseStatistics
 from cacc_platoon.theory.noise_interval import checked_interval
 from cacc_platoon.theory.region import infimum_headway, minimum_headway
 from cacc_platoon.theory.theorem2 import optimum, paper_region
-from cacc_platoon.theory.worst_braking import worst_spacing
+from cacc_platoon.theory.worst_braking import SHARES, worst_spacing
 
 __all__ = ["Design", "Recommendation", "Requirements", "assess", "paper_design"]
 
@@ -162,7 +163,7 @@ class Requirements:
                 " s",
             ),
         ):
-            if limit is not None and value > limit:
+            if limit is not None and value > limit * (1.0 + TOLERANCE):
                 missed.append(f"{text} {value:.6g}{unit} is above {limit:.6g}{unit}")
         return tuple(missed)
 
@@ -182,13 +183,12 @@ class Requirements:
     def worst_gap(self, certificate: Certificate) -> float:
         """Least gap [m] of the first 12 followers over all brakings, in the mean, without losses.
 
-        Of both ends of I and three lags, the largest, half of it and a tenth.
+        Of both ends of I and the lags of `SHARES`.
         """
-        lags = [x * certificate.tau_max for x in (1.0, 0.5, 0.1) for _ in certificate.interval]
         gaps = worst_spacing(
             certificate.gains,
-            lags,
-            [*certificate.interval] * 3,
+            [share * certificate.tau_max for share in SHARES for _ in certificate.interval],
+            [*certificate.interval] * len(SHARES),
             standstill_distance=self.standstill_gap,
             speed=self.speed,
             deceleration=self.braking,

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import csv
 import math
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Protocol
 
@@ -66,6 +67,18 @@ class SinePulse:
             self._amplitude * math.sin(phase),
         )
 
+    def least_acceleration(self, begin: float, end: float) -> float:
+        """Return the least acceleration [m/s^2] from `begin` to `end` [s].
+
+        Examples
+        --------
+        >>> SinePulse(25.0, 0.5, 1.0, start=0.0).least_acceleration(4.0, 5.0)
+        -0.5
+        """
+        lowest = self._start + (1.5 if self._amplitude > 0 else 0.5) * math.pi / self._omega
+        inside = [lowest] if begin < lowest < end else []
+        return min(self.at(time).acceleration for time in (begin, *inside, end))
+
 
 class PiecewiseConstantAcceleration:
     """Constant acceleration between given times, constant speed before the first.
@@ -98,6 +111,17 @@ class PiecewiseConstantAcceleration:
     def at(self, time: float) -> State[float]:
         """Return the leader's state at `time` [s] >= 0."""
         return self._advance(bisect_right(self._times, time) - 1, time)
+
+    def least_acceleration(self, begin: float, end: float) -> float:
+        """Return the least acceleration [m/s^2] from `begin` until just before `end` [s].
+
+        Examples
+        --------
+        >>> PiecewiseConstantAcceleration(25.0, [0.2, 0.4], [-5.0, 0.0]).least_acceleration(0, 1)
+        -5.0
+        """
+        first = bisect_right(self._times, begin) - 1
+        return min(self._accelerations[first : max(bisect_left(self._times, end), first + 1)])
 
     def _advance(self, index: int, time: float) -> State[float]:
         position, velocity, _ = self._knots[index]
@@ -209,6 +233,20 @@ def read_speed_profile(path: Path) -> tuple[tuple[float, ...], tuple[float, ...]
 
 def _bad_row(path: Path, number: int, row: list[str], why: str) -> UserError:
     return UserError(f"{path}: row {number} ({','.join(row)}) {why}. Correct the row.")
+
+
+def least_accelerations(
+    profile: LeaderProfile, step: float, samples: int
+) -> npt.NDArray[np.float64]:
+    """Return the least acceleration from each sample to the next [m/s^2], shape (samples - 1,).
+
+    Of a motion that does not say, the lesser of the two: under a held command it is.
+    """
+    times = [k * step for k in range(samples)]
+    if isinstance(profile, SinePulse | PiecewiseConstantAcceleration):
+        return np.array([profile.least_acceleration(*pair) for pair in pairwise(times)])
+    found = np.array([profile.at(time).acceleration for time in times])
+    return np.asarray(np.minimum(found[1:], found[:-1]), np.float64)
 
 
 def sample_profile(profile: LeaderProfile, step: float, samples: int) -> npt.NDArray[np.float64]:

@@ -71,7 +71,7 @@ def _verdict_lines(report: Report) -> list[str]:
         f"  sup|H| = {weakest.l2_gain:.9g} (L2, in the mean){weakest.of_loop}{which}",
         *_margin_lines(weakest),
         f"  peaks of a_i grow per hop by a factor of {verdict.sure_gain:.6g} at most whatever the "
-        f"noise does, {verdict.linf_gain:.6g} in the mean{_linf_of(report)}",
+        f"noise does, {verdict.linf_gain:.6g} in the mean in continuous time{_linf_of(report)}",
         *_mean_square_line(verdict),
         f"  paper's Theorem 2 (sufficient){verdict.bases.of_loop}: "
         + ("passed" if verdict.in_paper_region else "failed"),
@@ -87,7 +87,7 @@ def _margin_lines(weakest: FollowerVerdict) -> list[str]:
     C, margin = weakest.margins
     lines = [
         f"  margins{weakest.of_loop}, least over I at tau0: C = {C:.4g} 1/s^2, "
-        f"B + 2 tau0 sqrt(C) = {margin:.4g} (both >= 0: sup|H| = 1)"
+        f"B + 2 tau0 sqrt(C) = {margin:.4g} (sup|H| = 1 if and only if both are >= 0)"
     ]
     found = lines if weakest.internally_stable else []
     return [*found, f"  remedy: {weakest.remedy}"] if weakest.remedy else found

@@ -11,6 +11,7 @@ from cacc_platoon.analysis.metrics import describe_growth
 from cacc_platoon.notation import as_html
 from cacc_platoon.report.tables import cell, text_table
 from cacc_platoon.report.terminal import counted
+from cacc_platoon.theory.worst_braking import SHARES
 
 if TYPE_CHECKING:
     from cacc_platoon.analysis.analyse import Report
@@ -56,7 +57,8 @@ def _guarantee_section(verdict: Verdict) -> str:
     heads = ("signal", "in the mean", "in the mean square", "whatever the noise does")
     note = (
         "For every lag up to tau0, in continuous time but for the mean square, which is of the "
-        "sampled loop. In the mean: expectations, with every E[w] the SNR permits. In the mean "
+        "sampled loop; sampled, peaks grow a little more, as the table below says of a_i. "
+        "In the mean: expectations, with every E[w] the SNR permits. In the mean "
         "square: the energy that the noise of this scenario adds, independent between links. "
         "Whatever the noise does: every run, with w anywhere within the SNR at every instant"
         f"{lost}. Where links have unequal E[w_i], one run's means over long holds of w included, "
@@ -126,8 +128,8 @@ def _certificate_rows(report: Report) -> Iterator[tuple[str, str, str]]:
     yield (
         "Sampled at the control period",
         _answer(all(one.sampled for one in verdict.followers), unknown),
-        f"exact test (L2) of {loops}, at {report.run.grid.step / 1e9:g} s; at 17 lags up to tau0 "
-        "and without lag",
+        f"exact test (L2) of {loops}, at {report.run.grid.step / 1e9:g} s, each vehicle behind one "
+        "of the same lag; at 17 lags up to tau0 and without lag",
     )
     for loss in bases.losses:
         concerned = [one for one in verdict.followers if one.follower in loss.followers]
@@ -156,7 +158,8 @@ def _certificate_rows(report: Report) -> Iterator[tuple[str, str, str]]:
             f"{braking.gap:.2f} m" + (": collision" if braking.gap <= 0 else ""),
             f"in the mean{kept}, from the equilibrium spacing: the leader brakes "
             "whenever it hurts most, not only once; least of both ends of I, of "
-            "the lags tau0, tau0/2 and tau0/10, and of " + counted(braking.vehicles, "the first"),
+            f"lags of {', '.join(f'{share:g}' for share in SHARES)} tau0, and of "
+            + counted(braking.vehicles, "the first"),
         )
 
 

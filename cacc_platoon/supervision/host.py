@@ -25,6 +25,7 @@ from cacc_platoon.stop_signal import STOP_SIGNALS, StopSignal
 from cacc_platoon.supervision.host_plan import HostPlan
 from cacc_platoon.supervision.host_session import HostSession
 from cacc_platoon.supervision.log import LOG, log_to_stderr, logging_to
+from cacc_platoon.supervision.participant import taking_part
 from cacc_platoon.time_limit import time_limit
 from msg_adapters.topics import Graph
 
@@ -57,13 +58,14 @@ def run_host(plan: HostPlan, lifeline: Connection) -> None:
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         graph = Graph.of(plan.scenario)
         topics = [topic for node in plan.nodes for topic in graph.nodes[node].publishes]
-        recorder = RecorderNode(plan.scenario, plan.name, topics, plan.part)
-        nodes: list[Node] = [recorder]
         failure = ""
-        try:
-            nodes += [NODE_CLASSES[kind](plan.scenario, index) for kind, index in plan.nodes]
-        except UserError as error:  # own code may fail here and nowhere before
-            failure = str(error)
+        with taking_part():
+            recorder = RecorderNode(plan.scenario, plan.name, topics, plan.part)
+            nodes: list[Node] = [recorder]
+            try:
+                nodes += [NODE_CLASSES[kind](plan.scenario, index) for kind, index in plan.nodes]
+            except UserError as error:  # own code may fail here and nowhere before
+                failure = str(error)
         session = HostSession(
             plan.name,
             nodes,

@@ -31,6 +31,7 @@ from cacc_platoon.stop_signal import StopSignal
 from cacc_platoon.supervision.host import POLL_PERIOD, serve
 from cacc_platoon.supervision.host_session import HostSession
 from cacc_platoon.supervision.log import LOG, forward_log
+from cacc_platoon.supervision.participant import taking_part
 from cacc_platoon.supervision.protocol import sendable
 from msg_adapters.topics import Graph
 
@@ -124,7 +125,8 @@ def start(create: Callable[[], Made]) -> Made | None:
                 print(line, file=sys.stderr)
             shared_memory.note_start()
             rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-        return create()
+        with taking_part():
+            return create()
     except UserError as error:
         print(error, file=sys.stderr)
     except OSError as error:

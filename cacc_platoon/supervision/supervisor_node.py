@@ -28,6 +28,7 @@ from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import format_scenario
 from cacc_platoon.scenario.table import GROUPS
 from cacc_platoon.supervision.belief import refusal
+from cacc_platoon.supervision.participant import taking_part
 from cacc_platoon.supervision.protocol import HostState, ProtocolError, RunStatus
 from cacc_platoon.supervision.run_events import (
     Event,
@@ -273,7 +274,8 @@ def start_supervisor(scenario: Scenario) -> SupervisorNode:
     shared_memory.note_start()
     try:
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-        return SupervisorNode(scenario)
+        with taking_part():
+            return SupervisorNode(scenario)
     except (RuntimeError, ValueError, NameValidationException, ParameterException) as error:
         rclpy.try_shutdown()
         raise UserError(

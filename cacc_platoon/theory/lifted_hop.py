@@ -38,7 +38,6 @@ __all__ = [
     "MOST_LATE",
     "PacketTimes",
     "first_order_radius",
-    "full_radius",
     "mean_phase_size",
     "packet_interval",
     "refined_peaks",
@@ -200,13 +199,6 @@ def spectral_radius(parts: Parts) -> Float:
         if near >= u.shape[-1] or not np.isnan(radius).any():
             break
     return radius
-
-
-def full_radius(parts: Parts) -> float:
-    """Largest eigenvalue of one hop, by all of them."""
-    diagonal, u = parts
-    matrix = np.repeat(u[:, np.newaxis], u.size, axis=1) + np.diag(diagonal)
-    return float(np.abs(np.linalg.eigvals(matrix)).max())
 
 
 def _eliminated(diagonal: Complex, u: Complex, near: int) -> Float:

@@ -20,7 +20,6 @@ from cacc_platoon.theory.lifted_hop import (
     MOST_INTERVAL,
     PacketTimes,
     first_order_radius,
-    full_radius,
     refined_peaks,
     spectral_radius,
 )
@@ -111,7 +110,6 @@ def _growth(packets: PacketTimes, gains: Gains, pairs: tuple[Float, Float]) -> H
         (np.array([[tau]]), np.array([[k]])),
     )
     omega = angle / (packets.period * packets.interval)
-    growth = full_radius(packets.hop(gains, tau, k, angle))
     return HopGrowth(max(growth, math.nextafter(1.0, 2.0)), omega, tau, k)
 
 

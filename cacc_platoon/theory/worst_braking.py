@@ -28,8 +28,10 @@ if TYPE_CHECKING:
 
     Float = NDArray[np.float64]
 
-__all__ = ["spacing_response", "worst_spacing"]
+__all__ = ["SHARES", "spacing_response", "worst_spacing"]
 
+SHARES = (1.0, 0.5, 0.1, 0.01, 0.001)
+"""Of the largest lag, at which a worst gap over all lags is looked for."""
 _STEPS, _MOST_STEPS = 50, 30_000
 _BLOCK = 256
 

@@ -8,10 +8,13 @@ import pytest
 
 from cacc_platoon.analysis import compute_metrics, judge
 from cacc_platoon.analysis.braking import worst_braking
-from cacc_platoon.model import State, ThirdOrderPlant
+from cacc_platoon.analysis.metrics import _least_between
+from cacc_platoon.design.requirements import Requirements, assess
+from cacc_platoon.model import Gains, State, ThirdOrderPlant
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import load_scenario
-from cacc_platoon.simulation import simulate
+from cacc_platoon.simulation import Trajectory, simulate
+from cacc_platoon.theory import worst_spacing
 
 ROOT = Path(__file__).parents[2]
 BRAKING = {
@@ -68,6 +71,64 @@ def test_no_gap_between_samples_is_below_what_is_said(step):
     assert (metrics.sure_min_gap[1:] <= between + 1e-9).all()
     assert (metrics.sure_min_gap <= metrics.min_gap).all()
     assert (metrics.sure_min_gap >= metrics.min_gap - 8.0 * step**2).all()
+
+
+def test_the_predecessors_least_acceleration_counts_at_both_ends():
+    """Of random commands, between samples, against the plant itself."""
+    rng, step = np.random.default_rng(4), 0.5
+    quiet = Scenario.from_values({**BRAKING, "run.step": step, "run.duration": 40.0})
+    run = simulate(quiet)
+    plant, fine = ThirdOrderPlant(0.5, step), ThirdOrderPlant(0.5, step / 40)
+    commands = rng.uniform(-8.0, 8.0, (len(run.time) - 1, 4))
+    states = [State(*(part[0].copy() for part in (run.position, run.velocity, run.acceleration)))]
+    lowest = np.full(3, np.inf)
+    between = []
+    for command in commands:
+        inside = states[-1]
+        lowest = inside.position[:-1] - inside.position[1:]
+        for _ in range(40):
+            inside = fine.advance(inside, command)
+            lowest = np.minimum(lowest, inside.position[:-1] - inside.position[1:])
+        between.append(lowest)
+        states.append(plant.advance(states[-1], command))
+    position, velocity, acceleration = (
+        np.array([getattr(state, name) for state in states]) for name in State._fields
+    )
+    driven = Trajectory(quiet, position, velocity, acceleration, received=run.received)
+    assert (_least_between(driven)[:, 1:] <= np.array(between)[:, 1:] + 1e-9).all()
+
+
+def test_a_leader_that_turns_between_samples_is_seen():
+    """It brakes by 20 m/s and is fast again before the next sample: 4 m nearer meanwhile."""
+    table = {
+        "leader.times": (0.0, 10.1, 10.3, 10.7, 10.9, 12.0),
+        "leader.speeds": (25.0, 25.0, 5.0, 45.0, 25.0, 25.0),
+        "leader.profile": "csv",
+    }
+    slow = {"controller.time_headway": 4.0, "controller.k_v": 0.3, "controller.k_p": 0.05}
+    settings = {"run.step": 1.0, "run.duration": 30.0, "platoon.followers": 2}
+    scenario = Scenario.from_values({**table, **slow, **settings, "controller.k_a": 0.1})
+    metrics = compute_metrics(simulate(scenario))
+    nearest = 105.0 - 4.0
+    assert metrics.min_gap[0] > nearest + 3.0
+    assert metrics.sure_min_gap[0] <= nearest
+
+
+def test_the_least_gap_is_looked_for_at_short_lags():
+    """Design E: nearer at a hundredth of the lag than at a tenth."""
+    gains = {"time_headway": 0.75, "k_a": 0.5, "k_v": 0.8, "k_p": 0.5}
+    values = {f"controller.{name}": value for name, value in gains.items()}
+    scenario = Scenario.from_values({**values, "v2v.rho": 5.0})
+    found = worst_braking(scenario, judge(scenario))
+    asked = Requirements(min_gap=4.0)
+    designed = asked.worst_gap(assess(Gains(**gains), 5.0, 0.5, asked).certificate)
+    tenth = worst_spacing(
+        Gains(**gains), 0.05, 0.4, standstill_distance=5.0, speed=25.0, deceleration=8.0
+    )[0]
+    assert found is not None
+    for gap in (found.gap, designed):
+        assert gap < tenth - 0.08
+        assert gap == pytest.approx(4.2, abs=0.03)
 
 
 def test_the_scenario_with_cars_has_their_length():

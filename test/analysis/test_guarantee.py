@@ -15,6 +15,7 @@ from cacc_platoon.theory import (
     sampled_sure_gain,
     slow_error_ratio,
 )
+from cacc_platoon.theory.guarantees import largest_peaks
 
 SETTINGS = {"run.duration": 200.0, "platoon.followers": 4}
 RARELY = {"v2v.bit_probabilities": [0.001] * 16}
@@ -44,6 +45,72 @@ def test_links_with_unequal_means_multiply_spacing_errors_and_the_verdict_says_s
     rows = {row.signal: row for row in verdict.guarantees}
     assert rows["energy of delta_i"].mean.startswith("may grow; at most ")
     assert abs(slow_error_ratio(scenario.followers[0].gains, 5.0)) > 100
+
+
+def test_sampled_accelerations_may_grow_where_lags_differ_and_the_verdict_says_so():
+    """Energies at lags of 0.01 and 0.4 s in turn, 0.4 s apart, at the frequency that grows most."""
+    period, omega, lasting = 0.4, 0.8277, 400.0
+    times = np.arange(0.0, lasting + 0.2, 0.1)
+    gains = {"time_headway": 1.0, "k_a": 0.3, "k_v": 0.7, "k_p": 0.2}
+    scenario = Scenario.from_values(
+        {
+            "platoon.followers": 6,
+            "run.step": period,
+            "run.duration": lasting,
+            "vehicle.tau": (0.01, 0.4) * 3,
+            "vehicle.tau_max": 0.4,
+            "v2v.noise": "none",
+            "v2v.rho": 10.0,
+            "leader.profile": "csv",
+            "leader.times": tuple(times.tolist()),
+            "leader.speeds": tuple((26.0 - np.cos(omega * times)).tolist()),
+            **{f"controller.{name}": value for name, value in gains.items()},
+        }
+    )
+    verdict = judge(scenario)
+    assert verdict.certified
+    assert not verdict.equal_links
+    assert "in continuous time; sampled, where lags differ, no frequency of" in verdict.guarantee
+    late = simulate(scenario).acceleration[-round(200.0 / period) :]
+    energy = np.sqrt(np.mean(late**2, axis=0))
+    growth = energy[2:] / energy[1:-1]
+    assert growth.max() > 1.005, growth
+    same = Scenario.from_values({**scenario.values(), "vehicle.tau": 0.4})
+    assert judge(same).equal_links
+    assert "continuous time" not in judge(same).guarantee
+
+
+def test_peaks_of_unequal_vehicles_are_those_of_the_worst():
+    calm = certify(Gains(1.25, 0.3, 0.57, 0.05), 5.0, 0.5)
+    wild = certify(Gains(0.75, 0.5, 0.8, 0.5), 5.0, 0.5)
+    said = {largest_peaks(pair) for pair in ((calm, wild), (wild, calm), (wild,))}
+    assert len(said) == 1
+    assert largest_peaks([calm]) not in said
+
+
+@pytest.mark.parametrize(("variance", "grows"), [(0.9, False), (1.1, True)])
+def test_energy_grows_from_an_index_of_one_on(variance, grows):
+    """The index is linear in the variance: 1 is where it turns."""
+    gains = Gains(0.95, 0.5, 0.63, 0.009)
+    index = certify(gains, 5.0, 0.5, noise=NoiseStatistics(1.0, 1.0)).mean_square_index
+    noise = NoiseStatistics(1.0, variance / index)
+    said = guarantees(certify(gains, 5.0, 0.5, noise=noise))[0].mean_square
+    assert ("grows from vehicle to vehicle" in said) is grows
+
+
+def test_frozen_noise_may_grow_from_a_negative_margin_on():
+    gains = Gains(0.95, 0.5, 0.63, 0.009)
+    low, high = 0.0, 1.0
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        noise = NoiseStatistics(1.0, middle)
+        kept = certify(gains, 5.0, 0.5, noise=noise).frozen_noise_margin >= 0.0
+        low, high = (middle, high) if kept else (low, middle)
+    for variance, grows in ((0.999 * low, False), (1.001 * high, True)):
+        noise = NoiseStatistics(1.0, variance)
+        said = guarantees(certify(gains, 5.0, 0.5, noise=noise))[-1].mean
+        rows = guarantees(certify(gains, 5.0, 0.5, noise=noise))[-1]
+        assert ("may grow" in f"{rows}") is grows, said
 
 
 def test_equal_links_keep_spacing_errors_too():

@@ -201,6 +201,16 @@ def test_what_cannot_be_computed_with_is_refused(flag, value):
         platoon_design(f"--rho 5 --tau-max 0.5 {CASE_A} {flag} {value}")
 
 
+def test_designs_whose_peaks_do_not_grow_are_found_and_pass_their_own_check(capsys):
+    assert platoon_design("--rho 5 --tau-max 0.5 --max-linf 1 --json") == 0
+    designs = json.loads(capsys.readouterr().out)["recommended"]
+    one = next(design for design in designs if design["name"] == "shortest")
+    gains = one["gains"]
+    given = f"--headway {gains['time_headway']!r} --k-a {gains['k_a']!r}"
+    given += f" --kv {gains['k_v']!r} --kp {gains['k_p']!r} --max-linf 1 --check"
+    assert platoon_design(f"--rho 5 --tau-max 0.5 {given}") == 0
+
+
 def test_a_packet_a_second_can_be_asked_for(capsys):
     assert platoon_design("--rho 5 --tau-max 0.5 --v2v-period 1 --max-headway 1.2") == 0
     assert "V2V [s]" in capsys.readouterr().out

@@ -160,6 +160,13 @@ def test_a_lag_below_the_largest_may_be_the_worst():
     assert worst_linf_gain(D, RHO, TAU).gain == pytest.approx(mean_gain(D, 1e-6), rel=1e-3)
 
 
+def test_sampled_too_a_lag_below_the_largest_may_be_the_worst():
+    stiff = Gains(0.95, 0.5, 0.6, 2.0)
+    alone = [sampled_sure_gain(stiff, RHO, TAU, 0.01, tau=TAU * share) for share in (0.05, 1.0)]
+    assert alone[0] > alone[1] + 0.05
+    assert sampled_sure_gain(stiff, RHO, TAU, 0.01) >= alone[0] - 0.01
+
+
 def test_what_is_lost_or_late_widens_what_may_be_received():
     plain, lossy = sure_gain(A, RHO, TAU), sure_gain(A, RHO, TAU, reception=0.9)
     late = sure_gain(A, RHO, TAU, late=True)
