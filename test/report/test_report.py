@@ -286,7 +286,7 @@ CHANGED = {
     "v2v.bit_probabilities": (0.125, 0.8125),
     "v2v.hold": 0.5,
     "v2v.period": 0.1,
-    "v2v.phase": 0.05,
+    "v2v.phase": 0.04,
     "v2v.latency": 0.02,
     "v2v.loss": 0.25,
     "v2v.reception": "zero",
