@@ -25,12 +25,13 @@ class LinkReception(NamedTuple):
     sender, follower : int
         Index of the sender, and of the receiver.
     sent, arrived : int
-        Packets that are known to have been sent, early enough to arrive within the run, and those
-        of them that arrived; over a link that neither loses nor delays, as far as it is recorded.
+        Packets that are known to have been sent outside of blackouts, early enough to arrive within
+        the run, and those of them that arrived; over a link that neither loses nor delays, as far
+        as it is recorded.
     loss : float
         Share that did not arrive; NaN when none is known to have been sent.
-    loss_probability : float
-        What the scenario says.
+    loss_probability, loss_variance : float
+        What the scenario says, and the variance of the number of losses per packet.
     age_median, age_p99, age_max : float
         Age of information [s]: how long ago the newest packet that had arrived was sent, over all
         samples from the first arrival on; NaN when nothing ever arrived.
@@ -42,6 +43,7 @@ class LinkReception(NamedTuple):
     arrived: int
     loss: float
     loss_probability: float
+    loss_variance: float
     age_median: float
     age_p99: float
     age_max: float
@@ -50,7 +52,7 @@ class LinkReception(NamedTuple):
     def loses_too_much(self) -> bool:
         """Whether so much loss is not explained by the scenario's probability."""
         p, n = self.loss_probability, self.sent
-        return self.loss * n > p * n + SIGNIFICANT * math.sqrt(n * p * (1.0 - p)) + 0.5
+        return self.loss * n > p * n + SIGNIFICANT * math.sqrt(n * self.loss_variance) + 0.5
 
 
 def link_reception(run: Trajectory) -> list[LinkReception]:
@@ -86,6 +88,8 @@ def _link(
     sent = np.isfinite(run.sent[:, column])
     due = np.zeros(samples, np.bool_)
     due[receiver.send_times.between(0, samples - receiver.latency_steps)] = True
+    for begin, end in receiver.blackouts:
+        due[begin:end] = False
     sent &= due | bool(receiver.v2v.channel)
     if run.arrivals is None or not receiver.counted:
         sent &= np.isfinite(run.received[:, column])
@@ -99,13 +103,14 @@ def _link(
     age = age[np.isfinite(age)]
     median, p99, largest = np.quantile(age, (0.5, 0.99, 1.0)) if age.size else [math.nan] * 3
     arrived = int(sent[np.unique(arrivals.source)].sum())
-    known = int(sent.sum())
+    known, p = int(sent.sum()), receiver.mean_loss
     return LinkReception(
         *receiver.link,
         known,
         arrived,
         1.0 - arrived / known if known else math.nan,
-        receiver.v2v.loss,
+        p,
+        receiver.bursts().loss_variance if receiver.v2v.burst_begin else p * (1.0 - p),
         float(median),
         float(p99),
         float(largest),

@@ -44,7 +44,8 @@ _HOLD = (
 _PACKETS = (
     "packets come {}: judged is the mean system too, sampled at the control period of the run, "
     "by the largest growth per hop in the long run over frequency, both ends of I and 5 lags up to "
-    "tau0, all links sending at the same instants (docs/theory.md, section 7; numerical)"
+    "tau0, all links sending at the same instants (numerical; docs/theory.md, section 7 (V2V "
+    "latency))"
 )
 _MOST_NAMED = 6  # vehicles
 
@@ -114,7 +115,7 @@ class Bases(NamedTuple):
 
 def arrival(follower: Follower) -> Arrival:
     """Return the share of packets that a follower receives, by what it does about lost ones."""
-    arrives = 1.0 - follower.v2v.loss
+    arrives = 1.0 - follower.mean_loss
     return Arrival(1.0, arrives) if follower.v2v.reception == "hold" else Arrival(arrives, 1.0)
 
 

@@ -19,6 +19,7 @@ def broken_premises(
     return [
         *_own_code(scenario),
         *_noise_out_of_range(noise),
+        *_bursts_and_blackouts(scenario),
         *_unexplained_loss(scenario, reception),
         *_departures(consistency),
     ]
@@ -34,6 +35,25 @@ def _own_code(scenario: Scenario) -> list[str]:
             for name in other_laws(scenario)
         ),
     ]
+
+
+def _bursts_and_blackouts(scenario: Scenario) -> list[str]:
+    """Name losses of which no theorem knows."""
+    receivers = scenario.receivers
+    found = []
+    if any(f.v2v.burst_begin and f.v2v.reception == "hold" for f in receivers):
+        found.append(
+            "packets are lost in bursts (v2v.burst_begin) while the last one is held: what is "
+            "proven is of losses that do not depend on each other"
+        )
+    if times := sorted({f.v2v.blackouts for f in receivers if f.v2v.blackouts}):
+        begin, end = times[0][0], times[0][-1]
+        found.append(
+            f"no packets come in blackouts from {begin:g} s on, until {end:g} s (v2v.blackouts): "
+            "without them the headway is that of no communication, for which nothing is proven "
+            "below 2 tau0"
+        )
+    return found
 
 
 def other_laws(scenario: Scenario) -> list[str]:

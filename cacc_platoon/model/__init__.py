@@ -8,7 +8,6 @@ from cacc_platoon.model.impairment import (
     ContentNoise,
     Delivery,
     Impairment,
-    IndependentLoss,
     Packets,
     SendTimes,
 )
@@ -23,6 +22,7 @@ from cacc_platoon.model.leader import (
     speed_profile,
     step_profile,
 )
+from cacc_platoon.model.losses import Blackouts, BurstLoss, IndependentLoss
 from cacc_platoon.model.noise import (
     BitNoise,
     ConstantNoise,
@@ -36,6 +36,8 @@ from cacc_platoon.model.vehicle import State, ThirdOrderPlant
 
 __all__ = [
     "BitNoise",
+    "Blackouts",
+    "BurstLoss",
     "Channel",
     "ComposedChannel",
     "ConstantLatency",

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cacc_platoon.errors import UserError
-from cacc_platoon.model.keyed_random import BLOCK, LOSS, keyed_uniform
+from cacc_platoon.model.keyed_random import BLOCK
 from cacc_platoon.model.noise import Noise
 
 Integers: TypeAlias = npt.NDArray[np.int64]
@@ -208,41 +208,6 @@ class ContentNoise:
         first = int(packets.source[0])
         factors = self._noise.factors(first, int(packets.source[-1]) + 1)
         return packets._replace(factor=packets.factor * factors[packets.source - first])
-
-
-class IndependentLoss:
-    """Loses each packet with one probability, whatever happens to the others.
-
-    Parameters
-    ----------
-    probability : float
-        That a packet is lost, 0 to 1.
-    seed : int
-        Seed of the run.
-    link : int
-        Index i of the receiving vehicle; links are independent of each other.
-
-    Examples
-    --------
-    >>> channel = ComposedChannel([IndependentLoss(0.5, seed=1, link=1)])
-    >>> bool(0.4 < len(channel.delivery(0, 1000).sample) / 1000 < 0.6)
-    True
-    """
-
-    prompt = False
-    longest_delay = 0
-
-    def __init__(self, probability: float, seed: int, link: int) -> None:
-        self._probability, self._seed, self._link = probability, seed, link
-
-    def apply(self, packets: Packets) -> Packets:
-        """Return the packets, those that are lost marked."""
-        if not len(packets.number):
-            return packets
-        first, last = int(packets.number[0]), int(packets.number[-1])
-        draws = keyed_uniform(self._seed, self._link, LOSS, first, last + 1)
-        kept = draws[packets.number - first] >= self._probability
-        return packets._replace(arrives=packets.arrives & kept)
 
 
 class ConstantLatency:

@@ -11,7 +11,7 @@ STREAM_VERSION = 1
 BLOCK = 8192
 """Draws per keyed block; part of a stream's definition together with STREAM_VERSION."""
 
-LOSS, PHASE = 1, 2
+LOSS, PHASE, BURST = 1, 2, 3
 """Purposes of streams beside the noise factor's, which has none; part of their keys."""
 
 

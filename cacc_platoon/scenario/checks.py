@@ -206,6 +206,10 @@ def check_follower(follower: Follower, step: float, source: str) -> None:
         if value and not _is_multiple(value, step):
             raise TABLE[f"v2v.{name}"].refusal(value, source, f"must be a multiple of {step:g} s")
     _check_phase(v2v, step, source)
+    ends = v2v.blackouts
+    if len(ends) % 2 or any(end <= begin for begin, end in pairwise(ends)):
+        rule = "must be pairs of increasing times, the end of each after its beginning"
+        raise TABLE["v2v.blackouts"].refusal(list(ends), source, rule)
 
 
 def _check_phase(v2v: V2V, step: float, source: str) -> None:

@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 
 from cacc_platoon.model import (
     BitNoise,
+    Blackouts,
+    BurstLoss,
     Channel,
     ComposedChannel,
     ConstantLatency,
@@ -127,6 +129,23 @@ class Follower:
             case other:
                 raise ValueError(f"v2v.noise = {other} has no branch here")
 
+    def bursts(self) -> BurstLoss:
+        """Return the losses of the link in good and in bad times."""
+        v2v = self.v2v
+        probabilities = v2v.burst_begin, v2v.burst_end, v2v.loss, v2v.burst_loss
+        return BurstLoss(*probabilities, seed=self.seed, link=self.link.key)
+
+    @property
+    def mean_loss(self) -> float:
+        """Share of its packets that are lost outside of blackouts."""
+        return self.bursts().mean_loss if self.v2v.burst_begin else self.v2v.loss
+
+    @property
+    def blackouts(self) -> list[tuple[int, int]]:
+        """The samples of each blackout: its first, and the first after it."""
+        ends = [math.ceil(time / self.step - WHOLE) for time in self.v2v.blackouts]
+        return list(zip(ends[::2], ends[1::2], strict=True))
+
     def timing(self) -> Channel:
         """Return when the packets of the link come, without noise and losses."""
         return ComposedChannel([ConstantLatency(self.latency_steps)], self.send_times)
@@ -141,8 +160,12 @@ class Follower:
 
     def _composed(self, noise: str | None = None) -> ComposedChannel:
         impairments: list[Impairment] = [ContentNoise(self.noise(noise))]
-        if self.v2v.loss:
+        if self.v2v.burst_begin:
+            impairments.append(self.bursts())
+        elif self.v2v.loss:
             impairments.append(IndependentLoss(self.v2v.loss, self.seed, self.link.key))
+        if self.v2v.blackouts:
+            impairments.append(Blackouts(self.blackouts))
         impairments.append(ConstantLatency(self.latency_steps))
         return ComposedChannel(impairments, self.send_times)
 

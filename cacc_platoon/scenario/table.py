@@ -154,6 +154,22 @@ class V2V:
         at_least=0.0,
         at_most=1.0,
     )
+    burst_begin: float = parameter(
+        0.0,
+        "-",
+        "the probability, from packet to packet, that a time of bad reception begins",
+        at_least=0.0,
+        at_most=1.0,
+    )
+    burst_end: float = parameter(
+        1.0, "-", "the probability that it ends with the next packet", above=0.0, at_most=1.0
+    )
+    burst_loss: float = parameter(
+        1.0, "-", "the probability that a packet is lost meanwhile", at_least=0.0, at_most=1.0
+    )
+    blackouts: tuple[float, ...] = parameter(
+        (), "s", "times without any packet: when each begins and ends, in turn", at_least=0.0
+    )
     reception: str = parameter(
         "hold",
         "-",

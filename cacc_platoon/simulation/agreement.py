@@ -99,8 +99,8 @@ def mean_agreement(
     Returns
     -------
     Agreement or None
-        None where there is no such test: of packets that are rare or late, of noise that is held
-        while packets are held, or of a platoon too large.
+        None where there is no such test: of packets that are rare or late or lost in bursts
+        or blackouts, of noise that is held while packets are held, or of a platoon too large.
 
     Examples
     --------

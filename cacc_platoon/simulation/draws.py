@@ -12,11 +12,15 @@ from cacc_platoon.simulation.trajectory import Array
 def draws_are_fresh(scenario: Scenario) -> bool:
     """Return whether each draw is used at its own sample alone and independent of those before.
 
-    It is not where packets are rare or late, nor where noise is held over several samples and lost
-    packets are replaced by the last one: a factor is then used before and after a loss.
+    It is not where packets are rare or late or lost in bursts or blackouts, nor where noise is held
+    over several samples and lost packets are replaced by the last one: a factor is then used before
+    and after a loss.
     """
-    prompt = all(follower.timing().prompt for follower in scenario.receivers)
-    return prompt and not any(
+    plain = all(
+        follower.timing().prompt and not (follower.v2v.burst_begin or follower.v2v.blackouts)
+        for follower in scenario.receivers
+    )
+    return plain and not any(
         follower.v2v.loss and follower.v2v.reception == "hold" and _drawn_for(follower) > 1
         for follower in scenario.followers
     )

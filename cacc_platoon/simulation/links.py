@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cacc_platoon.model import Channel, Delivery
 from cacc_platoon.model.impairment import ChannelError, Integers, checked_delivery, promise_of
@@ -84,7 +85,8 @@ class MeanLinks:
     that uses zero has p E[w] a in the mean until the next one is due, and one that holds has
     r = p E[w] a + (1 - p) times what it had before, a as it was when the packet was sent: loss and
     noise of a packet are independent of what was received before, see
-    docs/theory.md, section 11 (Extensions).
+    docs/theory.md, section 11 (Extensions). Where losses come in bursts, that is so given whether
+    the time is good or bad: r is the sum of its parts in good and in bad times.
 
     Parameters
     ----------
@@ -95,37 +97,66 @@ class MeanLinks:
     def __init__(self, scenario: Scenario) -> None:
         followers = scenario.receivers
         self._senders = np.array(scenario.topology.senders)
-        arrives = np.array([1.0 - follower.v2v.loss for follower in followers])
+        self._mean = np.array([mean_factor(follower) for follower in followers])
+        self._share, self._lost, self._next = _good_and_bad(followers)
         holds = np.array([follower.v2v.reception == "hold" for follower in followers])
-        means = [mean_factor(follower) for follower in followers]
-        self._factor = arrives * np.array(means)
-        self._kept = np.where(holds, 1.0 - arrives, 0.0)
-        self._received = np.zeros(len(followers))
-        self._due = _due(scenario)
+        self._kept = np.where(holds, 1.0, 0.0)
+        self._parts = [np.zeros(len(followers)) for _ in range(2)]
+        self._due, self._dark = _due(scenario)
 
     def received(self, sample: int, acceleration: Array) -> Array:
         """Return the mean accelerations that the receivers use."""
-        if self._due is None:
-            sent = acceleration[sample].take(self._senders, axis=-1)
-        else:
-            sent = np.moveaxis(acceleration[self._due[sample], ..., self._senders], 0, -1)
-        fresh = self._factor * sent
-        used = fresh + self._kept * self._received if self._kept.any() else fresh
-        if self._due is not None:
-            used = np.where(self._due[sample] >= 0, used, self._received)
-        self._received = np.asarray(used, np.float64)
-        return self._received
+        due = sample if self._due is None else self._due[sample]
+        lost = self._lost if self._dark is None else np.where(self._dark[sample], 1.0, self._lost)
+        sent = (
+            acceleration[sample].take(self._senders, axis=-1)
+            if self._due is None
+            else np.moveaxis(acceleration[due, ..., self._senders], 0, -1)
+        )
+        parts = []
+        for state, now in enumerate(self._parts):
+            before = self._next[0, state] * self._parts[0] + self._next[1, state] * self._parts[1]
+            fresh = (1.0 - lost[state]) * self._mean * self._share[state] * sent
+            used = fresh + lost[state] * self._kept * before
+            parts.append(used if self._due is None else np.where(due >= 0, used, now))
+        self._parts = parts
+        return np.asarray(parts[0] + parts[1], np.float64)
 
 
-def _due(scenario: Scenario) -> Integers | None:
-    """Return which sample's packet is due at each sample, -1 for none; None for its own always."""
-    if all(follower.timing().prompt for follower in scenario.receivers):
-        return None
-    due = np.full((scenario.samples, len(scenario.receivers)), -1)
-    for column, follower in enumerate(scenario.receivers):
-        packets = follower.timing().delivery(0, scenario.samples)
+def _good_and_bad(followers: Sequence[Follower]) -> tuple[Array, Array, Array]:
+    """Return shares and losses of good and of bad times, shape (2, L), and what follows what.
+
+    The last is of shape (2, 2, L): the probability of the second after the first.
+    """
+    share, lost, follows = [], [], []
+    for follower in followers:
+        v2v = follower.v2v
+        begin, end = v2v.burst_begin, v2v.burst_end if v2v.burst_begin else 1.0
+        bad = begin / (begin + end)
+        share.append((1.0 - bad, bad))
+        lost.append((v2v.loss, v2v.burst_loss))
+        follows.append(((1.0 - begin, begin), (end, 1.0 - end)))
+    return np.array(share).T, np.array(lost).T, np.moveaxis(np.array(follows), 0, -1)
+
+
+def _due(scenario: Scenario) -> tuple[Integers | None, NDArray[np.bool_] | None]:
+    """Return which sample's packet is due at each sample, -1 for none, and whether it is dark.
+
+    None where it is always its own, and where there are no blackouts.
+    """
+    receivers, samples = scenario.receivers, scenario.samples
+    dark = any(follower.v2v.blackouts for follower in receivers)
+    if not dark and all(follower.timing().prompt for follower in receivers):
+        return None, None
+    due = np.full((samples, len(receivers)), -1)
+    lost = np.zeros(due.shape, np.bool_)
+    for column, follower in enumerate(receivers):
+        packets = follower.timing().delivery(0, samples)
         due[packets.sample, column] = packets.source
-    return due
+        for begin, end in follower.blackouts:
+            inside = (packets.source >= begin) & (packets.source < end)
+            lost[packets.sample[inside], column] = True
+    return due, lost if dark else None
 
 
 def mean_factor(follower: Follower) -> float:

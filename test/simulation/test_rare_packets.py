@@ -51,6 +51,47 @@ def test_the_mean_of_lossy_runs_is_the_expectation_run(reception):
     assert np.max(error) > 1e-4
 
 
+BURSTS = {"v2v__burst_begin": 0.3, "v2v__burst_end": 0.3, "v2v__burst_loss": 0.95}
+
+
+@pytest.mark.parametrize("reception", ["hold", "zero"])
+def test_the_mean_of_runs_with_bursts_is_the_expectation_run(reception):
+    values = {"platoon__followers": 3, "run__duration": 16.0, "leader__start": 1.0}
+    packets = {"v2v__period": 0.1, "v2v__latency": 0.03, "v2v__blackouts": (6.0, 7.5), **BURSTS}
+    one = scenario(**values, **packets, v2v__reception=reception, leader__angular_frequency=0.8)
+    ensemble, mean = monte_carlo(one, 400), simulate_mean(one)
+    apart, error = np.abs(ensemble.mean - mean.spacing_error), ensemble.standard_error
+    assert np.mean(apart <= 2.0 * error + 1e-12) > 0.9
+    assert np.max(apart - 4.5 * error) < 1e-9
+    assert np.max(error) > 1e-4
+
+
+@pytest.mark.parametrize("reception", ["hold", "zero"])
+def test_in_a_blackout_the_last_packet_is_held_or_zero_used(reception):
+    packets = {"v2v__period": 0.1, "v2v__blackouts": (12.0, 15.0), "v2v__reception": reception}
+    one = scenario(run__duration=20.0, **packets)
+    run, mean = simulate(one), simulate_mean(one)
+    np.testing.assert_array_equal(run.received, mean.received)
+    dark = (run.time >= 12.0) & (run.time < 15.0)
+    used = np.unique(run.received[dark, 0])
+    assert used.tolist() == ([run.received[1199, 0]] if reception == "hold" else [0.0])
+    for link in link_reception(run):
+        assert (link.loss, link.age_max) == (0.0, pytest.approx(3.09))
+    assert any("blackouts" in reason for reason in judge(one).void)
+
+
+@pytest.mark.parametrize(("reception", "covered"), [("zero", True), ("hold", False)])
+def test_bursts_are_judged_by_their_share_where_losses_count_as_zero(reception, covered):
+    one = scenario(**BURSTS, v2v__reception=reception, controller__time_headway=1.2)
+    verdict = judge(one)
+    assert ("bursts" in "".join(verdict.void)) != covered
+    certificate = verdict.weakest.certificate
+    assert certificate is not None
+    assert (certificate.reception == pytest.approx(0.525)) == covered
+    run = simulate(one.with_values({"run.duration": 60.0}))
+    assert not any(link.loses_too_much for link in link_reception(run))
+
+
 def growth_in_time(values, growth, vehicles=24):
     """Growth per hop far behind a leader that swings for ever where it is largest."""
     lasting = 600.0
@@ -151,6 +192,14 @@ def test_phases_are_drawn_by_link_and_seed():
         ({"v2v__phase": 0.01}, r"v2v.phase = 0.01 s must be .* below the period, 0.01 s"),
         ({"v2v__phase": "late"}, r"v2v.phase = 'late' s must be >= 0 | aligned | random"),
         ({"v2v__phase": -0.01}, r"v2v.phase = -0.01 s must be >= 0"),
+        (
+            {"v2v__blackouts": (1.0,)},
+            r"v2v.blackouts = \[1.0\] s must be pairs of",
+        ),
+        ({"v2v__blackouts": (2.0, 1.0)}, r"v2v.blackouts = \[2.0, 1.0\] s must be pairs"),
+        ({"v2v__burst_begin": 1.5}, r"v2v.burst_begin = 1.5 must be >= 0 and <= 1"),
+        ({"v2v__burst_end": 0.0}, r"v2v.burst_end = 0.0 must be > 0 and <= 1"),
+        ({"v2v__burst_loss": -0.1}, r"v2v.burst_loss = -0.1 must be >= 0 and <= 1"),
         ({"v2v__latency": -1.0}, r"v2v.latency = -1.0 s must be >= 0"),
         ({"v2v__latency": float("inf")}, r"v2v.latency = inf s must be finite"),
     ],

@@ -43,7 +43,12 @@ def test_one_digest_for_nodes_and_simulation(
 
 @pytest.mark.parametrize("hosts", [1, "per_node"])
 @pytest.mark.parametrize(
-    "packets", [("v2v.period=0.1", "v2v.phase=random"), ("v2v.latency=0.035", "v2v.loss=0")]
+    "packets",
+    [
+        ("v2v.period=0.1", "v2v.phase=random"),
+        ("v2v.latency=0.035", "v2v.loss=0"),
+        ("v2v.burst_begin=0.3", "v2v.burst_end=0.3", "v2v.blackouts=[2, 3.5, 5, 5.5]"),
+    ],
 )
 def test_one_digest_where_packets_are_rare_or_late(
     platoon: Start, packets: tuple[str, ...], hosts: int | str
