@@ -44,8 +44,8 @@ _HOLD = (
 _PACKETS = (
     "packets come {}: judged is the mean system too, sampled at the control period of the run, "
     "by the largest growth per hop in the long run over frequency, both ends of I and 5 lags up to "
-    "tau0, all links sending at the same instants (numerical; docs/theory.md, section 7 (V2V "
-    "latency))"
+    "tau0, all links sending at the same instants; numerical "
+    "(docs/theory.md, section 7 (V2V latency))"
 )
 _MOST_NAMED = 6  # vehicles
 
