@@ -40,7 +40,10 @@ setup(
     license="Apache-2.0",
     python_requires=">=3.11",
     packages=find_packages(include=[NAME, f"{NAME}.*", "msg_adapters", "msg_adapters.*"]),
-    package_data={NAME: ["py.typed", "dds/*.xml", "report/*.css"], "msg_adapters": ["py.typed"]},
+    package_data={
+        NAME: ["py.typed", "dds/*.xml", "report/*.css", "scenario/channels/*.yaml"],
+        "msg_adapters": ["py.typed"],
+    },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),

@@ -23,6 +23,7 @@ from cacc_platoon.cli.ros import (
 from cacc_platoon.runs.folder import default_run_folder
 from cacc_platoon.runs.recorded_leader import with_recorded_leader
 from cacc_platoon.scenario import Scenario
+from cacc_platoon.scenario.channel_presets import channel_names, channel_settings
 from cacc_platoon.scenario.file import load_scenario
 from cacc_platoon.stop_signal import STOP_SIGNALS, StopSignal
 
@@ -47,6 +48,11 @@ def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
         "-o", "--output", type=Path, help="run folder (default: runs/<scenario>-<UTC time>)"
     )
     parser.add_argument(
+        "--channel",
+        metavar="NAME",
+        help=f"the V2V channel, one of {', '.join(channel_names())}; --set changes parts of it",
+    )
+    parser.add_argument(
         "--set",
         action="append",
         default=[],
@@ -56,10 +62,16 @@ def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def load_asked(options: argparse.Namespace) -> Scenario:
+    """Read the scenario with the channel and the values that the command line replaces."""
+    channel = [] if options.channel is None else channel_settings(options.channel)
+    return load_scenario(options.scenario, [*channel, *options.set])
+
+
 def run(options: argparse.Namespace) -> int:
     """Run, record, judge."""
     with StopSignal(*STOP_SIGNALS) as stop:
-        scenario = load_scenario(options.scenario, options.set)
+        scenario = load_asked(options)
         return run_and_judge(scenario, options.output, options, stop)
 
 

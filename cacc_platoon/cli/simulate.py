@@ -15,11 +15,10 @@ from typing import TYPE_CHECKING
 
 from cacc_platoon.cli.judge import add_verdict_arguments, conclude, warn_before
 from cacc_platoon.cli.progress import ProgressLine
-from cacc_platoon.cli.run import add_scenario_arguments
+from cacc_platoon.cli.run import add_scenario_arguments, load_asked
 from cacc_platoon.errors import UserError
 from cacc_platoon.runs.folder import RunFolder, default_run_folder
 from cacc_platoon.runs.info import EndStatus
-from cacc_platoon.scenario.file import load_scenario
 
 if TYPE_CHECKING:
     from cacc_platoon.scenario import Scenario
@@ -47,7 +46,7 @@ def run(options: argparse.Namespace) -> int:
             f"--runs {options.runs}: must be 0 or 2 to {MOST_RUNS}; one run has no spread. "
             "Leave it out for the run of the scenario's seed alone."
         )
-    scenario = with_recorded_leader(load_scenario(options.scenario, options.set))
+    scenario = with_recorded_leader(load_asked(options))
     refuse_ensemble(scenario, options.runs)
     scenario.check_own_code()
     directory = scenario.record.directory
