@@ -81,11 +81,14 @@ def growth_with_packets(
     if not growing:
         return
     worst = max(growing, key=lambda follower: growing[follower].growth)
-    times = packet_times(scenario.follower(worst), scenario.run.step)
+    follower = scenario.follower(worst)
+    times = packet_times(follower, scenario.run.step)
+    bursts = follower.v2v.burst_begin and follower.v2v.reception == "hold"
+    were = ", if losses did not depend on each other" if bursts else ""
     count = "" if len(growing) == len(verdicts) else f" (vehicle {worst}, {len(growing)} in all)"
     found = growing[worst]
     yield (
-        f"with {times}, accelerations grow in the mean by {found.growth:.6g} per hop at "
+        f"with {times}{were}, accelerations grow in the mean by {found.growth:.6g} per hop at "
         f"{found.omega:.4g} rad/s, lag {found.tau:g} s and k = {found.k_effective:.4g}{count}: "
         "send more often, or take gains that bear it (platoon design --v2v-period)"
     )

@@ -88,6 +88,8 @@ def test_bursts_are_judged_by_their_share_where_losses_count_as_zero(reception, 
     certificate = verdict.weakest.certificate
     assert certificate is not None
     assert (certificate.reception == pytest.approx(0.525)) == covered
+    rare = judge(one.with_values({"v2v.period": 0.5, "controller.time_headway": 0.95}))
+    assert ("if losses did not depend on each other" in "".join(rare.void)) != covered
     run = simulate(one.with_values({"run.duration": 60.0}))
     assert not any(link.loses_too_much for link in link_reception(run))
 
