@@ -101,7 +101,8 @@ class MeanLinks:
         self._share, self._lost, self._next = _good_and_bad(followers)
         holds = np.array([follower.v2v.reception == "hold" for follower in followers])
         self._kept = np.where(holds, 1.0, 0.0)
-        self._parts = [np.zeros(len(followers)) for _ in range(2)]
+        times = 2 if any(follower.v2v.burst_begin for follower in followers) else 1
+        self._parts = [np.zeros(len(followers)) for _ in range(times)]
         self._due, self._dark = _due(scenario)
 
     def received(self, sample: int, acceleration: Array) -> Array:
@@ -115,12 +116,12 @@ class MeanLinks:
         )
         parts = []
         for state, now in enumerate(self._parts):
-            before = self._next[0, state] * self._parts[0] + self._next[1, state] * self._parts[1]
+            before = sum(self._next[last, state] * part for last, part in enumerate(self._parts))
             fresh = (1.0 - lost[state]) * self._mean * self._share[state] * sent
             used = fresh + lost[state] * self._kept * before
             parts.append(used if self._due is None else np.where(due >= 0, used, now))
         self._parts = parts
-        return np.asarray(parts[0] + parts[1], np.float64)
+        return np.asarray(sum(parts), np.float64)
 
 
 def _good_and_bad(followers: Sequence[Follower]) -> tuple[Array, Array, Array]:
