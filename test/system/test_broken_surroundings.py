@@ -102,7 +102,7 @@ def test_an_early_ctrl_c_is_no_traceback(tmp_path: Path, seconds: float) -> None
         with contextlib.suppress(subprocess.TimeoutExpired):
             process.wait(seconds)
         process.send_signal(signal.SIGINT)
-        _, said = process.communicate(timeout=60)
+        _, said = process.communicate(timeout=120)
     assert process.returncode in (-signal.SIGINT, 130), said
     assert b"Traceback" not in said
 

@@ -51,7 +51,7 @@ def in_workspace(
         env={**os.environ, "ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF", **environment},
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=120,
     )
 
 

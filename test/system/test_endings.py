@@ -309,7 +309,7 @@ def test_a_host_that_starts_while_the_run_ends_is_ended(tmp_path: Path) -> None:
     script = tmp_path / "late.py"
     script.write_text(LATE)
     done = subprocess.run(
-        [sys.executable, str(script)], capture_output=True, timeout=60, check=False
+        [sys.executable, str(script)], capture_output=True, timeout=120, check=False
     )
     assert (done.returncode, done.stderr) == (0, b"")
 

@@ -79,7 +79,7 @@ def test_a_killed_supervisor_leaves_a_folder_that_report_finishes(platoon: Start
     run.wait_gone(timeout=10)
     assert not run.folder.bag.exists()
     command = [sys.executable, "-m", "cacc_platoon", "report", str(run.folder.path)]
-    report = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    report = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
     assert report.returncode == 0, report.stderr
     assert_bag_is_readable(run, at_least=100)
     assert (run.folder.path / "report.html").exists()

@@ -182,7 +182,7 @@ def supervisor(*arguments: object, domain: int = 0) -> subprocess.Popen[str]:
 )
 def test_what_is_wrong_is_said_in_one_line_of_ours(arguments, line):
     process = supervisor("--ros-args", *arguments)
-    _, errors = process.communicate(timeout=60)
+    _, errors = process.communicate(timeout=120)
     assert process.returncode == 2
     [own] = errors.splitlines()
     assert line in own
@@ -205,7 +205,7 @@ def test_settings_reach_a_run_and_its_progress_is_logged(tmp_path, nothing_left)
             if "real-time factor" in line:
                 process.send_signal(signal.SIGINT)
                 break
-        _, rest = process.communicate(timeout=60)
+        _, rest = process.communicate(timeout=120)
     assert process.returncode == 130, rest
     assert any("[INFO]" in line and "[supervisor]: starting nodes" in line for line in lines)
     assert ", sample " in lines[-1]

@@ -27,7 +27,7 @@ def run(folder: Path, *flags: str, settings: tuple[str, ...] = SMALL) -> str:
     with own_domain() as domain:
         environment = {**os.environ, "ROS_DOMAIN_ID": str(domain)}
         done = subprocess.run(
-            command, env=environment, capture_output=True, text=True, timeout=60, check=False
+            command, env=environment, capture_output=True, text=True, timeout=120, check=False
         )
     return done.stderr
 

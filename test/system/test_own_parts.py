@@ -54,7 +54,7 @@ def test_a_law_that_fails_in_a_replay_is_one_line(nothing_left: None, tmp_path: 
         env={**os.environ, "PYTHONPATH": f"{HERE}:{os.environ.get('PYTHONPATH', '')}"},
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=120,
         check=False,
     )
     assert (done.returncode, done.stdout) == (1, "")

@@ -32,7 +32,7 @@ def run_installed(prefix: Path, *command: str) -> subprocess.CompletedProcess[st
         env={**os.environ, "PYTHONPATH": str(packages)},
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=120,
     )
 
 

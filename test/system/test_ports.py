@@ -61,7 +61,7 @@ def test_whoever_has_lost_its_ports_takes_part_anew() -> None:
             env={**os.environ, "ROS_DOMAIN_ID": str(domain)},
             capture_output=True,
             text=True,
-            timeout=60,
+            timeout=120,
             check=True,
         )
     assert done.stdout == "[2, 2, 0] 0\n['listening']\n", (done.stdout, done.stderr)
@@ -74,7 +74,7 @@ def test_ports_are_those_of_the_domain() -> None:
             env={**os.environ, "ROS_DOMAIN_ID": str(domain)},
             capture_output=True,
             text=True,
-            timeout=60,
+            timeout=120,
             check=True,
         )
     found = [
