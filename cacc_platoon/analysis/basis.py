@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from cacc_platoon.analysis.follower_verdict import PROMPT, WITHOUT_LOSS
-from cacc_platoon.analysis.packets import PacketTimes, packet_times
+from cacc_platoon.analysis.packets import PacketRate, packet_times
 from cacc_platoon.scenario import Follower, Scenario
 
 L2_NAME = "L2 string stability (H-infinity norm of H, paper's condition (3))"
@@ -157,7 +157,7 @@ def bases_of(scenario: Scenario, *, equal: bool) -> Bases:
 
 def _packets(scenario: Scenario) -> tuple[LinkBasis, ...]:
     """Say what is judged of followers whose packets are rare or late, those alike together."""
-    found: dict[PacketTimes, list[int]] = {}
+    found: dict[PacketRate, list[int]] = {}
     for follower in scenario.followers:
         times = packet_times(follower, scenario.run.step)
         if times.period is not None:
@@ -170,7 +170,7 @@ def _packets(scenario: Scenario) -> tuple[LinkBasis, ...]:
     )
 
 
-def _rate(times: PacketTimes) -> str:
+def _rate(times: PacketRate) -> str:
     return str(times).removeprefix("a packet ")
 
 

@@ -9,7 +9,7 @@ from cacc_platoon.analysis.follower_verdict import FollowerVerdict
 from cacc_platoon.scenario import Follower, Scenario
 
 
-class PacketTimes(NamedTuple):
+class PacketRate(NamedTuple):
     """When a follower's packets come, as a certificate is asked.
 
     Attributes
@@ -29,7 +29,7 @@ class PacketTimes(NamedTuple):
         return f"a packet every {self.period:g} s{late}"
 
 
-def packet_times(follower: Follower, step: float) -> PacketTimes:
+def packet_times(follower: Follower, step: float) -> PacketRate:
     """Return when a follower's packets come; a custom channel's own times are not known.
 
     Examples
@@ -39,8 +39,8 @@ def packet_times(follower: Follower, step: float) -> PacketTimes:
     'a packet every 0.1 s, 0.02 s late'
     """
     if follower.timing().prompt:
-        return PacketTimes(None, 0.0)
-    return PacketTimes(
+        return PacketRate(None, 0.0)
+    return PacketRate(
         round(follower.send_times.interval * step, 12), round(follower.latency_steps * step, 12)
     )
 

@@ -54,29 +54,28 @@ print(node.get_node_names())
 """
 
 
+def run(program: str, domain: int) -> "subprocess.CompletedProcess[str]":
+    """Run a program in a domain."""
+    command, environment = [sys.executable, "-c", program], {"ROS_DOMAIN_ID": str(domain)}
+    return subprocess.run(
+        command,
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=True,
+    )
+
+
 def test_whoever_has_lost_its_ports_takes_part_anew() -> None:
     with own_domain() as domain:
-        done = subprocess.run(
-            [sys.executable, "-c", ROBBED],
-            env={**os.environ, "ROS_DOMAIN_ID": str(domain)},
-            capture_output=True,
-            text=True,
-            timeout=120,
-            check=True,
-        )
+        done = run(ROBBED, domain)
     assert done.stdout == "[2, 2, 0] 0\n['listening']\n", (done.stdout, done.stderr)
 
 
 def test_ports_are_those_of_the_domain() -> None:
     with own_domain() as domain:
-        done = subprocess.run(
-            [sys.executable, "-c", PROGRAM],
-            env={**os.environ, "ROS_DOMAIN_ID": str(domain)},
-            capture_output=True,
-            text=True,
-            timeout=120,
-            check=True,
-        )
+        done = run(PROGRAM, domain)
     found = [
         (kind, int(port)) for kind, port in re.findall(r"(udp|fastrtps)_port(\d+)", done.stdout)
     ]
