@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import signal
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -14,6 +15,9 @@ REPEATED = 1.0
 """So soon after the first a signal is the same wish: ros2 launch repeats that of a terminal [s]."""
 PATIENCE = 10.0
 """How long a signal may wait until somebody asks for it [s]; then the process ends at once."""
+
+AGAIN = 0.05
+"""How long after Python has dropped a signal it is sent again [s]."""
 
 
 class EndedError(BaseException):
@@ -28,8 +32,8 @@ class EndedError(BaseException):
 def ended_by(*signals: signal.Signals) -> Iterator[None]:
     """Within, signals that would end the process raise `EndedError`, so that it can tidy up.
 
-    Python drops what is raised in a finalizer or a weak reference's callback; such a signal ends
-    the process when the context does.
+    Python drops what is raised in a finalizer or a weak reference's callback; such a signal, and
+    a Ctrl-C, is sent again.
     """
     received: list[int] = []
 
@@ -44,12 +48,40 @@ def ended_by(*signals: signal.Signals) -> Iterator[None]:
     for number in taken:
         signal.signal(number, end)
     try:
-        yield
+        with _dropped_is_sent_again():
+            yield
         if received:
             raise EndedError(received[0])
     finally:
         for number in taken:
             signal.signal(number, signal.SIG_DFL)
+
+
+@contextlib.contextmanager
+def _dropped_is_sent_again() -> Iterator[None]:
+    """Send this process again what Python drops of its signals, once it is out of the finalizer."""
+    before = sys.unraisablehook
+    again: list[threading.Timer] = []
+
+    def dropped(what: sys.UnraisableHookArgs) -> None:
+        if isinstance(what.exc_value, EndedError):
+            number = what.exc_value.signal
+        elif isinstance(what.exc_value, KeyboardInterrupt):
+            number = signal.SIGINT
+        else:
+            before(what)
+            return
+        again.append(threading.Timer(AGAIN, os.kill, (os.getpid(), number)))
+        again[-1].daemon = True
+        again[-1].start()
+
+    sys.unraisablehook = dropped
+    try:
+        yield
+    finally:
+        sys.unraisablehook = before
+        for timer in again:
+            timer.cancel()
 
 
 class StopSignal:

@@ -2,6 +2,8 @@
 
 import os
 import signal
+import sys
+import time
 
 import pytest
 
@@ -18,8 +20,21 @@ def terminate() -> None:
 class Finalized:
     """Is hit by a signal while it goes, where Python drops every exception."""
 
+    def __init__(self, number: signal.Signals) -> None:
+        self.number = number
+
     def __del__(self) -> None:
-        terminate()
+        os.kill(os.getpid(), self.number)
+
+
+def work_on(number: signal.Signals) -> None:
+    """Compute for longer than two signals may take that hit finalizers."""
+    Finalized(number)
+    Finalized(number)
+    deadline = time.monotonic() + 10
+    while time.monotonic() < deadline:
+        sum(range(1000))
+    pytest.fail("the signal was forgotten")
 
 
 def test_a_signal_ends_what_is_being_done() -> None:
@@ -29,7 +44,29 @@ def test_a_signal_ends_what_is_being_done() -> None:
     assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
 
 
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
-def test_a_signal_that_hits_a_finalizer_is_not_forgotten() -> None:
+@pytest.mark.parametrize(
+    ("number", "error"), [(signal.SIGTERM, EndedError), (signal.SIGINT, KeyboardInterrupt)]
+)
+def test_a_signal_that_hits_a_finalizer_is_not_forgotten(
+    number: signal.Signals, error: type[BaseException]
+) -> None:
+    with pytest.raises(error), ended_by(signal.SIGTERM):
+        work_on(number)
+
+
+def test_a_context_that_ends_at_once_does_not_forget_either() -> None:
     with pytest.raises(EndedError), ended_by(signal.SIGTERM):
-        Finalized()
+        Finalized(signal.SIGTERM)
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+
+
+def test_other_faults_of_finalizers_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Faulty:
+        def __del__(self) -> None:
+            raise ValueError("told")
+
+    told = []
+    monkeypatch.setattr(sys, "unraisablehook", lambda what: told.append(str(what.exc_value)))
+    with ended_by(signal.SIGTERM):
+        Faulty()
+    assert told == ["told"]

@@ -10,6 +10,7 @@ import socket
 import subprocess
 import sys
 from collections.abc import Mapping, MutableMapping
+from pathlib import Path
 
 from cacc_platoon.dds import profile, shared_memory
 from cacc_platoon.dds.domain import domain_of
@@ -40,6 +41,7 @@ def set_up(environment: MutableMapping[str, str]) -> list[str]:
     """
     domain_of(environment)
     _check_range(environment)
+    _check_profiles(environment)
     environment[SKIP_WORKING_FOLDER] = "1"
     prefer_local(environment)
     if is_local(environment):
@@ -125,6 +127,17 @@ def _check_range(environment: Mapping[str, str]) -> None:
             f"{RANGE} = {given[:40]!r} is none of {', '.join(RANGES)}: who could reach the nodes "
             "would be anybody's guess. Correct it, or leave it out to stay on this machine."
         )
+
+
+def _check_profiles(environment: Mapping[str, str]) -> None:
+    """Refuse a profile that is not there: Fast DDS would open the nodes to the network instead."""
+    for name in PROFILE_VARIABLES:
+        given = environment.get(name, "")
+        if given and not profile.is_ours(given) and not Path(given).is_file():
+            raise UserError(
+                f"{name} = {given[:80]!r} is no file: Fast DDS would use its defaults, which are "
+                "open to the network. Correct it, or leave it out to stay on this machine."
+            )
 
 
 def _check_loopback() -> None:

@@ -11,7 +11,6 @@ from multiprocessing.connection import Connection
 import rclpy
 from rclpy.executors import Executor
 from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
 
 from cacc_platoon.dds import shared_memory
 from cacc_platoon.errors import UserError
@@ -25,7 +24,7 @@ from cacc_platoon.stop_signal import STOP_SIGNALS, StopSignal
 from cacc_platoon.supervision.host_plan import HostPlan
 from cacc_platoon.supervision.host_session import HostSession
 from cacc_platoon.supervision.log import LOG, log_to_stderr, logging_to
-from cacc_platoon.supervision.participant import taking_part
+from cacc_platoon.supervision.participant import start_ros, taking_part
 from cacc_platoon.time_limit import time_limit
 from msg_adapters.topics import Graph
 
@@ -54,8 +53,7 @@ def run_host(plan: HostPlan, lifeline: Connection) -> None:
     if plan.verbose:
         log_to_stderr()
     with logging_to(plan.log):
-        shared_memory.note_start()
-        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        start_ros([])
         graph = Graph.of(plan.scenario)
         topics = [topic for node in plan.nodes for topic in graph.nodes[node].publishes]
         failure = ""

@@ -8,15 +8,31 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import os
 from collections.abc import Iterator
 
 import rclpy
+from rclpy.signals import SignalHandlerOptions
 
-from cacc_platoon.dds.shared_memory import removed_ports
+from cacc_platoon.dds.environment import prefer_local
+from cacc_platoon.dds.shared_memory import note_start, removed_ports
 
 _NAME = "_takes_part"  # a hidden node, for the moment
 _TRIES = 5
 _LOG = logging.getLogger("cacc_platoon.dds")
+
+
+def start_ros(arguments: list[str] | None) -> None:
+    """Start rclpy, without signal handlers of its own, where DDS is set up.
+
+    Parameters
+    ----------
+    arguments : list of str or None
+        What ROS takes from a command line; None for that of this process.
+    """
+    prefer_local(os.environ)  # the profile that was written earlier may be gone
+    note_start()
+    rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
 
 
 @contextlib.contextmanager

@@ -16,9 +16,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 
-import rclpy
 from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Int64
 
 from cacc_platoon.dds import shared_memory
@@ -35,6 +33,7 @@ from cacc_platoon.supervision.conductor import Conductor, Crew, Observer
 from cacc_platoon.supervision.host import NODE_CLASSES, host_signals, serve
 from cacc_platoon.supervision.host_session import HostSession
 from cacc_platoon.supervision.log import log_to_stderr, logs_to_stderr
+from cacc_platoon.supervision.participant import start_ros
 from cacc_platoon.supervision.replay_machine import REPLAYED, REPLAYER, ReplayMachine
 from cacc_platoon.supervision.supervisor_node import start_supervisor
 from msg_adapters.topics import PlatoonTopics, Topic
@@ -67,8 +66,7 @@ def run_node(plan: NodePlan, lifeline: Connection) -> None:
     stop = host_signals()
     if plan.verbose:
         log_to_stderr()
-    shared_memory.note_start()
-    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    start_ros([])
     failure = ""
     try:
         node = _make(plan)

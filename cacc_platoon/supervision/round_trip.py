@@ -9,12 +9,12 @@ from multiprocessing.connection import Connection
 
 import rclpy
 from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Int64
 
 from cacc_platoon.dds import shared_memory
 from cacc_platoon.nodes import qos
 from cacc_platoon.nodes.executor import create_executor, spin_for
+from cacc_platoon.supervision.participant import start_ros
 
 PERIOD = 0.02
 
@@ -27,8 +27,7 @@ def measure_round_trip(timeout: float) -> float | None:
     process = context.Process(target=_answer, args=(topic, reader, timeout), daemon=True)
     process.start()
     answers: list[int] = []
-    shared_memory.note_start()
-    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    start_ros([])
     node = Node("doctor", use_global_arguments=False)
     publisher = node.create_publisher(Int64, f"{topic}/question", qos.latched())
     node.create_subscription(
@@ -51,8 +50,7 @@ def measure_round_trip(timeout: float) -> float | None:
 
 
 def _answer(topic: str, lifeline: Connection, timeout: float) -> None:
-    shared_memory.note_start()
-    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    start_ros([])
     node = Node("doctor_echo", use_global_arguments=False)
     publisher = node.create_publisher(Int64, f"{topic}/answer", qos.latched())
     node.create_subscription(Int64, f"{topic}/question", publisher.publish, qos.latched())

@@ -11,7 +11,6 @@ from typing import Any, TypeVar
 import rclpy
 from rclpy.exceptions import InvalidNamespaceException
 from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
 
 from cacc_platoon.dds import shared_memory
 from cacc_platoon.dds.environment import set_up
@@ -31,7 +30,7 @@ from cacc_platoon.stop_signal import StopSignal
 from cacc_platoon.supervision.host import POLL_PERIOD, serve
 from cacc_platoon.supervision.host_session import HostSession
 from cacc_platoon.supervision.log import LOG, forward_log
-from cacc_platoon.supervision.participant import taking_part
+from cacc_platoon.supervision.participant import start_ros, taking_part
 from cacc_platoon.supervision.protocol import sendable
 from msg_adapters.topics import Graph
 
@@ -123,8 +122,7 @@ def start(create: Callable[[], Made]) -> Made | None:
         if not rclpy.ok():
             for line in set_up(os.environ):
                 print(line, file=sys.stderr)
-            shared_memory.note_start()
-            rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+            start_ros(None)
         with taking_part():
             return create()
     except UserError as error:
@@ -187,9 +185,8 @@ def supervisor_parameters() -> dict[str, Any]:
         When the command line is not one of ROS, or DDS cannot start.
     """
     set_up(os.environ)
-    shared_memory.note_start()
     try:
-        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+        start_ros(None)
         node = Node("supervisor", automatically_declare_parameters_from_overrides=True)
         try:
             values = given_parameters(node)

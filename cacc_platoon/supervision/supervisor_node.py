@@ -16,7 +16,6 @@ from rclpy.qos import (
     QoSProfile,
     qos_check_compatible,
 )
-from rclpy.signals import SignalHandlerOptions
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from std_msgs.msg import Int64, String
 
@@ -28,7 +27,7 @@ from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import format_scenario
 from cacc_platoon.scenario.table import GROUPS
 from cacc_platoon.supervision.belief import refusal
-from cacc_platoon.supervision.participant import taking_part
+from cacc_platoon.supervision.participant import start_ros, taking_part
 from cacc_platoon.supervision.protocol import HostState, ProtocolError, RunStatus
 from cacc_platoon.supervision.run_events import (
     Event,
@@ -271,9 +270,8 @@ def start_supervisor(scenario: Scenario) -> SupervisorNode:
     UserError
         When that cannot be.
     """
-    shared_memory.note_start()
     try:
-        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        start_ros([])
         with taking_part():
             return SupervisorNode(scenario)
     except (RuntimeError, ValueError, NameValidationException, ParameterException) as error:

@@ -68,7 +68,9 @@ def test_without_shared_memory_it_is_udp(tmp_path: Path, monkeypatch: pytest.Mon
     assert made[PROFILE] == str(LOOPBACK_UDP)
     assert set_up(opened) == [line]
     assert opened == {RANGE: "SUBNET", PROFILE: str(OPEN), TRANSPORTS: "UDPv4", SKIP: "1"}
-    assert set_up({PROFILE: "mine.xml"}) == []
+    mine = tmp_path / "mine.xml"
+    mine.touch()
+    assert set_up({PROFILE: str(mine)}) == []
 
 
 @pytest.mark.parametrize("given", ["SUBNETT", "subnet ", "ALL", "LOCALHOST\n"])
@@ -101,6 +103,22 @@ def test_each_domain_has_a_profile_of_its_own(given: dict[str, str]) -> None:
     added = "      <port><portBase>9150</portBase><domainIDGain>0</domainIDGain></port>\n"
     assert seven.read_text() == zero.read_text().replace("    <rtps>\n", f"    <rtps>\n{added}")
     assert ET.parse(seven).getroot().findall(f".//{NAMESPACE}portBase")[0].text == "9150"
+
+
+def test_a_profile_of_ours_that_is_removed_is_written_again() -> None:
+    made = {"ROS_DOMAIN_ID": "7"}
+    prefer_local(made)
+    Path(made[PROFILE]).unlink()
+    again = dict(made)
+    prefer_local(again)
+    assert again == made
+    assert Path(made[PROFILE]).is_file()
+
+
+@pytest.mark.parametrize("name", environment.PROFILE_VARIABLES)
+def test_a_profile_that_is_not_there_is_refused(name: str) -> None:
+    with pytest.raises(UserError, match=f"{name} = 'absent.xml' is no file: Fast DDS would"):
+        set_up({name: "absent.xml"})
 
 
 def test_without_a_folder_of_ours_the_profile_is_that_of_all_domains(

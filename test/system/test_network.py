@@ -375,6 +375,20 @@ def test_a_killed_command_leaves_no_temporary_files(
     assert not list(own_folder.rglob("pymp-*"))
 
 
+def test_a_profile_that_is_removed_opens_nothing(own_folder: Path, start, tmp_path: Path) -> None:
+    start(ThisMachine(), *run_command(tmp_path / "run", "run.duration=3000"))
+
+    def written() -> list[Path]:
+        return list(own_folder.rglob("loopback-*.xml"))
+
+    wait(written, "the profile")
+    removed = written()[0]
+    removed.unlink()
+    wait(lambda: len(receiving(str(tmp_path))) >= 3, "the platoon's sockets")
+    assert set().union(*receiving(str(tmp_path))) == {"127.0.0.1"}
+    assert written() == [removed]
+
+
 @pytest.mark.parametrize("domain", ["100000", "233", "one"])
 def test_a_domain_that_there_is_not_is_refused_at_once(tmp_path: Path, domain: str) -> None:
     run, hand = run_command(tmp_path / "run"), manual_commands(tmp_path / "run")
