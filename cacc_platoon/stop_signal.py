@@ -8,6 +8,7 @@ import signal
 import sys
 import threading
 import time
+import weakref
 from collections.abc import Iterator
 
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -17,7 +18,7 @@ PATIENCE = 10.0
 """How long a signal may wait until somebody asks for it [s]; then the process ends at once."""
 
 AGAIN = 0.05
-"""How long after Python has dropped a signal it is sent again [s]."""
+"""How long after what a signal has raised is lost it is sent again [s]."""
 
 
 class EndedError(BaseException):
@@ -28,60 +29,76 @@ class EndedError(BaseException):
         self.signal = signal.Signals(number)
 
 
+class _InterruptedError(EndedError, KeyboardInterrupt):
+    """Ctrl-C."""
+
+
 @contextlib.contextmanager
 def ended_by(*signals: signal.Signals) -> Iterator[None]:
-    """Within, signals that would end the process raise `EndedError`, so that it can tidy up.
+    """Within, Ctrl-C and signals that would end the process raise, so that it can tidy up.
 
-    Python drops what is raised in a finalizer or a weak reference's callback; such a signal, and
-    a Ctrl-C, is sent again.
+    What they raise, `EndedError` or KeyboardInterrupt, is lost in a finalizer, where Python drops
+    it, and in a library that catches everything. So it is watched: when it is gone before the
+    context is, the signal is sent again.
     """
     received: list[int] = []
-
-    def end(number: int, _frame: object) -> None:
-        received.append(number)
-        raise EndedError(number)
-
-    before = {number: signal.getsignal(number) for number in signals}
-    taken = [number for number, handler in before.items() if handler is signal.SIG_DFL]
-    if threading.current_thread() is not threading.main_thread():
-        taken = []
-    for number in taken:
-        signal.signal(number, end)
-    try:
-        with _dropped_is_sent_again():
-            yield
-        if received:
-            raise EndedError(received[0])
-    finally:
-        for number in taken:
-            signal.signal(number, signal.SIG_DFL)
-
-
-@contextlib.contextmanager
-def _dropped_is_sent_again() -> Iterator[None]:
-    """Send this process again what Python drops of its signals, once it is out of the finalizer."""
-    before = sys.unraisablehook
     again: list[threading.Timer] = []
 
-    def dropped(what: sys.UnraisableHookArgs) -> None:
-        if isinstance(what.exc_value, EndedError):
-            number = what.exc_value.signal
-        elif isinstance(what.exc_value, KeyboardInterrupt):
-            number = signal.SIGINT
-        else:
-            before(what)
-            return
+    def send_again(number: int) -> None:
         again.append(threading.Timer(AGAIN, os.kill, (os.getpid(), number)))
         again[-1].daemon = True
         again[-1].start()
+
+    def watched(number: int) -> EndedError:
+        error = _ending(number)
+        watching.append(weakref.finalize(error, send_again, number))
+        watching[-1].atexit = False
+        return error
+
+    def end(number: int, _frame: object) -> None:
+        received.append(number)
+        raise watched(number)
+
+    watching: list[weakref.finalize[..., EndedError]] = []
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, *signals)}
+    usual = (signal.SIG_DFL, signal.default_int_handler)
+    taken = {number: handler for number, handler in before.items() if handler in usual}
+    if threading.current_thread() is not threading.main_thread():
+        taken = {}
+    for number in taken:
+        signal.signal(number, end)
+    try:
+        with _dropped_in_silence():
+            yield
+        if received:
+            raise _ending(received[0])
+    finally:
+        for one in watching:
+            one.detach()
+        for timer in again:
+            timer.cancel()
+        for number, handler in taken.items():
+            signal.signal(number, handler)
+
+
+def _ending(number: int) -> EndedError:
+    return _InterruptedError(number) if number == signal.SIGINT else EndedError(number)
+
+
+@contextlib.contextmanager
+def _dropped_in_silence() -> Iterator[None]:
+    """Within, Python does not tell of the signals that it drops."""
+    before = sys.unraisablehook
+
+    def dropped(what: sys.UnraisableHookArgs) -> None:
+        if not isinstance(what.exc_value, EndedError):
+            before(what)
 
     sys.unraisablehook = dropped
     try:
         yield
     finally:
         sys.unraisablehook = before
-        for timer in again:
-            timer.cancel()
 
 
 class StopSignal:

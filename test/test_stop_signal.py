@@ -1,5 +1,6 @@
 """A signal ends what is being done, wherever Python was when it came."""
 
+import contextlib
 import os
 import signal
 import sys
@@ -7,7 +8,7 @@ import time
 
 import pytest
 
-from cacc_platoon.stop_signal import EndedError, ended_by
+from cacc_platoon.stop_signal import AGAIN, EndedError, ended_by
 
 pytestmark = pytest.mark.unit
 
@@ -27,9 +28,16 @@ class Finalized:
         os.kill(os.getpid(), self.number)
 
 
+def in_a_library(number: signal.Signals) -> None:
+    """Be hit by a signal where everything is caught."""
+    with contextlib.suppress(BaseException):
+        os.kill(os.getpid(), number)
+
+
 def work_on(number: signal.Signals) -> None:
-    """Compute for longer than two signals may take that hit finalizers."""
+    """Compute for longer than signals may take that hit finalizers and libraries."""
     Finalized(number)
+    in_a_library(number)
     Finalized(number)
     deadline = time.monotonic() + 10
     while time.monotonic() < deadline:
@@ -47,11 +55,28 @@ def test_a_signal_ends_what_is_being_done() -> None:
 @pytest.mark.parametrize(
     ("number", "error"), [(signal.SIGTERM, EndedError), (signal.SIGINT, KeyboardInterrupt)]
 )
-def test_a_signal_that_hits_a_finalizer_is_not_forgotten(
+def test_a_signal_that_is_lost_on_its_way_is_not_forgotten(
     number: signal.Signals, error: type[BaseException]
 ) -> None:
     with pytest.raises(error), ended_by(signal.SIGTERM):
         work_on(number)
+
+
+def test_tidying_up_is_not_cut_short() -> None:
+    tidied = []
+
+    def work() -> None:
+        try:
+            terminate()
+        finally:
+            deadline = time.monotonic() + 5 * AGAIN
+            while time.monotonic() < deadline:
+                sum(range(1000))
+            tidied.append("all of it")
+
+    with pytest.raises(EndedError), ended_by(signal.SIGTERM):
+        work()
+    assert tidied
 
 
 def test_a_context_that_ends_at_once_does_not_forget_either() -> None:

@@ -49,12 +49,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return FAILED
     except OSError as error:
         return _of_the_system(error)
-    except EndedError as error:
-        say(f"stopped by {error.signal.name}")
-        return 128 + error.signal
     except KeyboardInterrupt:
         say("interrupted")
         return INTERRUPTED
+    except EndedError as error:
+        say(f"stopped by {error.signal.name}")
+        return 128 + error.signal
     return code
 
 
