@@ -1,16 +1,9 @@
 """The platoon's world: vehicle, control law, V2V link and leader, scalar and array; numpy only."""
 
+from cacc_platoon.model.channel import Channel, ComposedChannel
+from cacc_platoon.model.content import AdditiveNoise, ContentNoise, FalseData, Forgery
 from cacc_platoon.model.control import ConstantTimeHeadway, ControlLaw, Gains
-from cacc_platoon.model.impairment import (
-    Channel,
-    ComposedChannel,
-    ConstantLatency,
-    ContentNoise,
-    Delivery,
-    Impairment,
-    Packets,
-    SendTimes,
-)
+from cacc_platoon.model.latency import ConstantLatency, InOrder, RandomLatency
 from cacc_platoon.model.leader import (
     LeaderProfile,
     PiecewiseConstantAcceleration,
@@ -30,11 +23,19 @@ from cacc_platoon.model.noise import (
     expected_factor,
     factor_variance,
 )
+from cacc_platoon.model.packets import (
+    Delivery,
+    Impairment,
+    Lattice,
+    Packets,
+    SendTimes,
+)
 from cacc_platoon.model.reception import HoldReception, Reception, ZeroReception
 from cacc_platoon.model.topology import Link, Topology
 from cacc_platoon.model.vehicle import State, ThirdOrderPlant
 
 __all__ = [
+    "AdditiveNoise",
     "BitNoise",
     "Blackouts",
     "BurstLoss",
@@ -46,15 +47,20 @@ __all__ = [
     "ContentNoise",
     "ControlLaw",
     "Delivery",
+    "FalseData",
+    "Forgery",
     "Gains",
     "HoldReception",
     "Impairment",
+    "InOrder",
     "IndependentLoss",
+    "Lattice",
     "LeaderProfile",
     "Link",
     "Noise",
     "Packets",
     "PiecewiseConstantAcceleration",
+    "RandomLatency",
     "Reception",
     "RecordedMotion",
     "SendTimes",

@@ -11,7 +11,7 @@ STREAM_VERSION = 1
 BLOCK = 8192
 """Draws per keyed block; part of a stream's definition together with STREAM_VERSION."""
 
-LOSS, PHASE, BURST = 1, 2, 3
+LOSS, PHASE, BURST, DELAY, ERROR = 1, 2, 3, 4, 5
 """Purposes of streams beside the noise factor's, which has none; part of their keys."""
 
 
@@ -28,6 +28,24 @@ def keyed_uniform(
     def draw(block: int) -> npt.NDArray[np.float64]:
         words = keyed_words(seed, link, purpose, block).random_raw(BLOCK)
         return np.asarray((words >> np.uint64(11)) * 2.0**-53, np.float64)
+
+    return from_blocks(draw, start, stop)
+
+
+def keyed_normal(
+    seed: int, link: int, purpose: int, start: int, stop: int
+) -> npt.NDArray[np.float64]:
+    """Return the draws start..stop-1 of a link's stream for a purpose, mean 0 and variance 1.
+
+    Each is the sum of twelve uniform numbers, less its mean: normal but for its tails, which end at
+    6, and the same to the last bit on every machine.
+    """
+
+    def draw(block: int) -> npt.NDArray[np.float64]:
+        words = keyed_words(seed, link, purpose, block).random_raw(6 * BLOCK)
+        parts = words.astype("<u8", copy=False).view("<u4").reshape(12, BLOCK)
+        total = parts.sum(axis=0, dtype=np.uint64).astype(np.float64)
+        return np.asarray((total - 6.0 * (2.0**32 - 1.0)) * 2.0**-32, np.float64)
 
     return from_blocks(draw, start, stop)
 

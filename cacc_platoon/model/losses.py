@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from cacc_platoon.model.impairment import Packets
 from cacc_platoon.model.keyed_random import BLOCK, BURST, LOSS, keyed_uniform
+from cacc_platoon.model.packets import Packets
 
 
 class IndependentLoss:

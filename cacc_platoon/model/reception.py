@@ -11,7 +11,7 @@ from typing import Protocol, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from cacc_platoon.model.impairment import Delivery, Integers
+from cacc_platoon.model.packets import Delivery, Integers
 
 Number = TypeVar("Number", np.float64, np.int64)
 

@@ -13,6 +13,7 @@ from typing import Any
 from cacc_platoon.errors import UserError
 from cacc_platoon.model import read_speed_profile
 from cacc_platoon.model.noise import MAX_BITS
+from cacc_platoon.scenario.false_data import RULE, forgery
 from cacc_platoon.scenario.follower import Follower
 from cacc_platoon.scenario.names import vehicle_name
 from cacc_platoon.scenario.parameter import ScenarioError, refuse_unknown
@@ -210,6 +211,26 @@ def check_follower(follower: Follower, step: float, source: str) -> None:
     if len(ends) % 2 or any(end <= begin for begin, end in pairwise(ends)):
         rule = "must be pairs of increasing times, the end of each after its beginning"
         raise TABLE["v2v.blackouts"].refusal(list(ends), source, rule)
+    _check_false_data(v2v.false_data, step, source)
+    if v2v.quantum and v2v.saturation and v2v.saturation < v2v.quantum:
+        rule = f"must be at least v2v.quantum = {v2v.quantum:g} m/s^2, or nothing but 0 is sent"
+        raise TABLE["v2v.saturation"].refusal(v2v.saturation, source, rule)
+
+
+def _check_false_data(texts: Iterable[str], step: float, source: str) -> None:
+    """Refuse times of false data that cannot be read or that overlap."""
+    row, read = TABLE["v2v.false_data"], []
+    for text in texts:
+        try:
+            read.append(forgery(text, step))
+        except ValueError:
+            raise row.refusal(text, source, RULE) from None
+    for before, after in pairwise(sorted(read)):
+        if after.begin < before.end:
+            rule = (
+                f"must not overlap: false data begin at {after.begin * step:g} s before others end"
+            )
+            raise row.refusal(list(texts), source, rule)
 
 
 def _check_phase(v2v: V2V, step: float, source: str) -> None:

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, replace
 
 from cacc_platoon.model import (
+    AdditiveNoise,
     BitNoise,
     Blackouts,
     BurstLoss,
@@ -16,12 +17,17 @@ from cacc_platoon.model import (
     ConstantTimeHeadway,
     ContentNoise,
     ControlLaw,
+    FalseData,
+    Forgery,
     Gains,
     HoldReception,
     Impairment,
     IndependentLoss,
+    InOrder,
+    Lattice,
     Link,
     Noise,
+    RandomLatency,
     Reception,
     SendTimes,
     ThirdOrderPlant,
@@ -29,6 +35,8 @@ from cacc_platoon.model import (
     expected_factor,
 )
 from cacc_platoon.model.keyed_random import PHASE, keyed_uniform
+from cacc_platoon.model.latency import gamma_delay, uniform_delay
+from cacc_platoon.scenario.false_data import forgery
 from cacc_platoon.scenario.plugin import make_plugin
 from cacc_platoon.scenario.table import TABLE, V2V
 
@@ -147,8 +155,44 @@ class Follower:
         return list(zip(ends[::2], ends[1::2], strict=True))
 
     def timing(self) -> Channel:
-        """Return when the packets of the link come, without noise and losses."""
-        return ComposedChannel([ConstantLatency(self.latency_steps)], self.send_times)
+        """Return when the packets of the link come, in the mean, and what false data they carry."""
+        late = self._jitter()
+        mean = ConstantLatency(round(late.mean_delay) if late else self.latency_steps)
+        return ComposedChannel([*self._false_data(), mean], self.send_times)
+
+    def _jitter(self) -> RandomLatency | None:
+        """Return the latency of packets that take different times."""
+        v2v = self.v2v
+        if not v2v.jitter:
+            return None
+        match v2v.jitter_law:
+            case "uniform":
+                chances = uniform_delay(v2v.latency, v2v.jitter, self.step)
+            case "gamma":
+                chances = gamma_delay(v2v.latency, v2v.jitter, v2v.jitter_shape, self.step)
+            case other:
+                raise ValueError(f"v2v.jitter_law = {other} has no branch here")
+        return RandomLatency(chances, self.seed, self.link.key)
+
+    def _latency(self) -> list[Impairment]:
+        late = self._jitter()
+        if late is None:
+            return [ConstantLatency(self.latency_steps)]
+        return [late, InOrder(late.longest_delay)] if self.v2v.in_order else [late]
+
+    def _false_data(self) -> list[Impairment]:
+        forgeries = self.forgeries
+        return [FalseData(forgeries)] if forgeries else []
+
+    @property
+    def forgeries(self) -> list[Forgery]:
+        """The times of false data, in order."""
+        return sorted(forgery(text, self.step) for text in self.v2v.false_data)
+
+    @property
+    def lattice(self) -> Lattice:
+        """The accelerations that its packets can say."""
+        return Lattice(self.v2v.quantum, self.v2v.saturation)
 
     def channel(self, noise: str | None = None) -> Channel:
         """Return the channel of the link; v2v.channel may name another one."""
@@ -159,15 +203,18 @@ class Follower:
         return self._composed(noise)
 
     def _composed(self, noise: str | None = None) -> ComposedChannel:
+        v2v, key = self.v2v, self.link.key
         impairments: list[Impairment] = [ContentNoise(self.noise(noise))]
-        if self.v2v.burst_begin:
+        if v2v.bias or v2v.noise_std:
+            impairments.append(AdditiveNoise(v2v.noise_std, v2v.bias, self.seed, key))
+        impairments += self._false_data()
+        if v2v.burst_begin:
             impairments.append(self.bursts())
-        elif self.v2v.loss:
-            impairments.append(IndependentLoss(self.v2v.loss, self.seed, self.link.key))
-        if self.v2v.blackouts:
+        elif v2v.loss:
+            impairments.append(IndependentLoss(v2v.loss, self.seed, key))
+        if v2v.blackouts:
             impairments.append(Blackouts(self.blackouts))
-        impairments.append(ConstantLatency(self.latency_steps))
-        return ComposedChannel(impairments, self.send_times)
+        return ComposedChannel([*impairments, *self._latency()], self.send_times, self.lattice)
 
     @property
     def own_code(self) -> dict[str, str]:

@@ -6,7 +6,7 @@ import math
 from itertools import chain
 
 from cacc_platoon.errors import UserError
-from cacc_platoon.model.impairment import ChannelError, checked_delivery, packets_by_sample
+from cacc_platoon.model.channel import ChannelError, checked_delivery, packets_by_sample
 from cacc_platoon.scenario.follower import Follower
 from cacc_platoon.scenario.names import vehicle_name
 from cacc_platoon.scenario.parameter import ScenarioError
@@ -17,7 +17,7 @@ def try_channel(receiver: Follower, samples: int) -> None:
     try:
         whole = checked_delivery(receiver.channel(), 0, samples)
         packets = chain.from_iterable(packets_by_sample(receiver.channel(), samples))
-        if list(packets) != list(zip(whole.source, whole.factor, strict=True)):
+        if list(packets) != whole.packets():
             raise ChannelError(
                 "what it delivers depends on how many samples it is asked for at a time, so that "
                 "no two runs would agree"

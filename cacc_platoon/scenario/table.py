@@ -147,6 +147,23 @@ class V2V:
         at_least=0.0,
         at_most=1e3,
     )
+    jitter: float = parameter(
+        0.0,
+        "s",
+        "what is added to the latency of each packet at random: at most this (uniform), or this "
+        "in the mean (gamma)",
+        at_least=0.0,
+        at_most=10.0,
+    )
+    jitter_law: str = parameter(
+        "uniform", "-", "how jitter is distributed", choices=("uniform", "gamma")
+    )
+    jitter_shape: int = parameter(
+        2, "-", "the shape of gamma jitter, 1 for an exponential one", at_least=1, at_most=100
+    )
+    in_order: bool = parameter(
+        False, "-", "whether packets wait for earlier ones that are late; else they overtake them"
+    )
     loss: float = parameter(
         0.0,
         "-",
@@ -169,6 +186,27 @@ class V2V:
     )
     blackouts: tuple[float, ...] = parameter(
         (), "s", "times without any packet: when each begins and ends, in turn", at_least=0.0
+    )
+    bias: float = parameter(
+        0.0, "m/s^2", "the error of all accelerations that the sender puts into packets"
+    )
+    noise_std: float = parameter(
+        0.0, "m/s^2", "the standard deviation of an error that differs by packet", at_least=0.0
+    )
+    quantum: float = parameter(
+        0.0,
+        "m/s^2",
+        "the step to which accelerations are rounded to be sent, 0 for none",
+        at_least=0.0,
+    )
+    saturation: float = parameter(
+        0.0, "m/s^2", "the largest acceleration that can be sent, 0 for no limit", at_least=0.0
+    )
+    false_data: tuple[str, ...] = parameter(
+        (),
+        "-",
+        'times of false data, each "BEGIN END WHAT" in seconds: factor=X multiplies what packets '
+        "say, replay=X has them say what was X s ago, frozen what the first of them said",
     )
     reception: str = parameter(
         "hold",

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cacc_platoon.model import Channel, Delivery
-from cacc_platoon.model.impairment import ChannelError, Integers, checked_delivery, promise_of
+from cacc_platoon.model.channel import ChannelError, checked_delivery, promise_of
+from cacc_platoon.model.packets import EVERY_VALUE, Integers, Lattice, said
 from cacc_platoon.model.reception import picked
 from cacc_platoon.scenario import Follower, Scenario
 from cacc_platoon.simulation.trajectory import Array, Arrivals
@@ -54,28 +55,39 @@ class PromptLinks(NamedTuple):
 
 
 class ImpairedLinks(NamedTuple):
-    """Links that may lose or delay packets.
+    """Links that may lose, delay or change packets.
 
     Attributes
     ----------
     senders : ndarray of int64, shape (L,)
         Column of each link's sender.
-    source : ndarray of int64, shape (samples, runs, L)
+    carried : ndarray of int64, shape (samples, runs, L)
         Sample whose acceleration is used, -1 where the receiver uses 0.
     factor : ndarray, shape (samples, runs, L)
         What multiplies it.
+    offset : ndarray or None, shape (samples, runs, L)
+        What is added to it before [m/s^2].
+    lattices : tuple of Lattice
+        What the packets of each link can say.
     """
 
     senders: Integers
-    source: Integers
+    carried: Integers
     factor: Array
+    offset: Array | None
+    lattices: tuple[Lattice, ...]
 
     def received(self, sample: int, acceleration: Array) -> Array:
         """Return the accelerations that the receivers use."""
-        source = self.source[sample]
-        runs = np.arange(len(source))[:, np.newaxis]
-        value = self.factor[sample] * acceleration[source, runs, self.senders]
-        return np.where(source >= 0, value, 0.0)
+        carried = self.carried[sample]
+        runs = np.arange(len(carried))[:, np.newaxis]
+        sent = acceleration[carried, runs, self.senders]
+        if self.offset is not None:
+            sent = said(sent, self.offset[sample], EVERY_VALUE)
+        for column, lattice in enumerate(self.lattices):
+            if lattice != EVERY_VALUE:
+                sent[:, column] = lattice.nearest(sent[:, column])
+        return np.where(carried >= 0, self.factor[sample] * sent, 0.0)
 
 
 class MeanLinks:
@@ -103,23 +115,27 @@ class MeanLinks:
         self._kept = np.where(holds, 1.0, 0.0)
         times = 2 if any(follower.v2v.burst_begin for follower in followers) else 1
         self._parts = [np.zeros(len(followers)) for _ in range(times)]
-        self._due, self._dark = _due(scenario)
+        self._bias = np.array([follower.v2v.bias for follower in followers])
+        self._due = _due(scenario)
 
     def received(self, sample: int, acceleration: Array) -> Array:
         """Return the mean accelerations that the receivers use."""
-        due = sample if self._due is None else self._due[sample]
-        lost = self._lost if self._dark is None else np.where(self._dark[sample], 1.0, self._lost)
-        sent = (
-            acceleration[sample].take(self._senders, axis=-1)
-            if self._due is None
-            else np.moveaxis(acceleration[due, ..., self._senders], 0, -1)
-        )
+        due, lost = self._due, self._lost
+        if due is None:
+            sent = acceleration[sample].take(self._senders, axis=-1)
+        else:
+            sent = np.moveaxis(acceleration[due.carried[sample], ..., self._senders], 0, -1)
+            lost = np.where(due.dark[sample], 1.0, lost)
+        if self._bias.any():
+            sent = sent + self._bias
+        if due is not None:
+            sent = sent * due.factor[sample]
         parts = []
         for state, now in enumerate(self._parts):
             before = sum(self._next[last, state] * part for last, part in enumerate(self._parts))
             fresh = (1.0 - lost[state]) * self._mean * self._share[state] * sent
             used = fresh + lost[state] * self._kept * before
-            parts.append(used if self._due is None else np.where(due >= 0, used, now))
+            parts.append(used if due is None else np.where(due.carried[sample] >= 0, used, now))
         self._parts = parts
         return np.asarray(sum(parts), np.float64)
 
@@ -140,24 +156,36 @@ def _good_and_bad(followers: Sequence[Follower]) -> tuple[Array, Array, Array]:
     return np.array(share).T, np.array(lost).T, np.moveaxis(np.array(follows), 0, -1)
 
 
-def _due(scenario: Scenario) -> tuple[Integers | None, NDArray[np.bool_] | None]:
-    """Return which sample's packet is due at each sample, -1 for none, and whether it is dark.
+class _Due(NamedTuple):
+    """Packets that are due in the mean, each of shape (samples, L).
 
-    None where it is always its own, and where there are no blackouts.
+    Which sample's acceleration is in the packet, -1 where none is due, by what false data multiply
+    it, and whether it is sent in a blackout.
     """
+
+    carried: Integers
+    factor: Array
+    dark: NDArray[np.bool_]
+
+
+def _due(scenario: Scenario) -> _Due | None:
+    """Return the packets that are due; None where each sample's own is, and arrives or is lost."""
     receivers, samples = scenario.receivers, scenario.samples
-    dark = any(follower.v2v.blackouts for follower in receivers)
-    if not dark and all(follower.timing().prompt for follower in receivers):
-        return None, None
-    due = np.full((samples, len(receivers)), -1)
-    lost = np.zeros(due.shape, np.bool_)
+    if all(
+        follower.timing().prompt and not (follower.v2v.blackouts or follower.v2v.false_data)
+        for follower in receivers
+    ):
+        return None
+    shape = samples, len(receivers)
+    due = _Due(np.full(shape, -1), np.ones(shape), np.zeros(shape, np.bool_))
     for column, follower in enumerate(receivers):
         packets = follower.timing().delivery(0, samples)
-        due[packets.sample, column] = packets.source
+        due.carried[packets.sample, column] = packets.carried
+        due.factor[packets.sample, column] = packets.factor
         for begin, end in follower.blackouts:
             inside = (packets.source >= begin) & (packets.source < end)
-            lost[packets.sample[inside], column] = True
-    return due, lost if dark else None
+            due.dark[packets.sample[inside], column] = True
+    return due
 
 
 def mean_factor(follower: Follower) -> float:
@@ -174,20 +202,31 @@ class LinkPlan(NamedTuple):
     chosen: Integers
 
     @property
-    def source(self) -> Integers:
+    def exact(self) -> bool:
+        """Whether every sample's acceleration is used at that sample, times a factor."""
+        return self.prompt and self.delivery.exact
+
+    @property
+    def carried(self) -> Integers:
         """Sample whose acceleration is used at each sample, -1 for none, shape (samples,)."""
-        return picked(self.delivery.source, self.chosen, -1)
+        return picked(self.delivery.carried, self.chosen, -1)
 
     @property
     def factor(self) -> Array:
         """What multiplies it, shape (samples,)."""
         return picked(self.delivery.factor, self.chosen, 0)
 
+    @property
+    def offset(self) -> Array:
+        """What is added to it before [m/s^2], shape (samples,)."""
+        given = self.delivery.offset
+        return np.zeros(len(self.chosen)) if given is None else picked(given, self.chosen, 0)
+
     def arrivals(self, sent: Array) -> Arrivals:
         """Return what arrives when these accelerations [m/s^2] are sent, shape (samples,)."""
-        source, sample, factor = self.delivery
         with np.errstate(all="ignore"):  # an unstable platoon overflows
-            return Arrivals(source, sample, factor * sent[source])
+            values = self.delivery.values(sent)
+        return Arrivals(self.delivery.source, self.delivery.sample, values)
 
 
 def plan_link(follower: Follower, samples: int, channel: Channel) -> LinkPlan:
@@ -218,8 +257,19 @@ def plan_links(
 def links_of(scenario: Scenario, runs: Sequence[Sequence[LinkPlan]]) -> Links:
     """Return the links of several runs of one platoon, to integrate them together."""
     senders = np.array(scenario.topology.senders)
-    factor = np.stack([np.stack([plan.factor for plan in run], axis=1) for run in runs], axis=1)
-    if all(plan.prompt for run in runs for plan in run):
+    plans = [plan for run in runs for plan in run]
+
+    def stacked(of: Callable[[LinkPlan], NDArray[Any]]) -> NDArray[Any]:
+        return np.stack([np.stack([of(plan) for plan in run], axis=1) for run in runs], axis=1)
+
+    factor = stacked(lambda plan: plan.factor)
+    if all(plan.exact for plan in plans):
         return PromptLinks(senders, factor)
-    source = np.stack([np.stack([plan.source for plan in run], axis=1) for run in runs], axis=1)
-    return ImpairedLinks(senders, source, factor)
+    added = any(plan.delivery.offset is not None for plan in plans)
+    return ImpairedLinks(
+        senders,
+        stacked(lambda plan: plan.carried),
+        factor,
+        stacked(lambda plan: plan.offset) if added else None,
+        tuple(plan.delivery.lattice for plan in runs[0]),
+    )

@@ -18,7 +18,7 @@ from cacc_platoon.model import (
     State,
     ThirdOrderPlant,
 )
-from cacc_platoon.model.impairment import ChannelError, packets_by_sample, promise_of
+from cacc_platoon.model.channel import ChannelError, packets_by_sample, promise_of
 from cacc_platoon.scenario import Follower, Scenario, ScenarioError
 from cacc_platoon.scenario.names import NodeKind, NodeName, vehicle_name
 from cacc_platoon.stepping.deliveries import (
@@ -229,10 +229,10 @@ class LockstepRelay:
         name = self._name = str(NodeName(NodeKind.NOISE_RELAY, follower.index))
         channel = channel or follower.channel()
         try:
-            prompt, longest_delay = promise_of(channel)
+            promise = promise_of(channel)
         except ChannelError as error:
             raise ScenarioError(f"{name}: its channel: {error}. Correct it.") from error
-        if not (prompt or follower.counted):
+        if not (promise.prompt or follower.counted):
             raise ScenarioError(
                 f"{name}: its channel may lose or delay packets and the scenario does not say so: "
                 "receiver and recorder would wait for every packet. Set v2v.loss or v2v.channel."
@@ -243,7 +243,7 @@ class LockstepRelay:
             scenario.step_ns,
         )
         self._deliveries = packets_by_sample(channel, scenario.samples)
-        self._sent: deque[float] = deque(maxlen=min(longest_delay, scenario.samples) + 1)
+        self._sent: deque[float] = deque(maxlen=min(promise.memory, scenario.samples) + 1)
         self._sample = self._count = 0
         self._publish, self._publish_count = publish, publish_count
 
@@ -257,11 +257,9 @@ class LockstepRelay:
             packets = next(self._deliveries, [])
         except ChannelError as error:
             raise LockstepError(f"{self._name}: its channel: {error}") from error
-        for source, factor in packets:
-            if source == sample:
-                self._publish(stamp, factor * acceleration)
-            else:
-                self._publish(source * self._step_ns, factor * sent[source - sample - 1])
+        for packet in packets:
+            carried = sent[packet.content - sample - 1]
+            self._publish(packet.source * self._step_ns, packet.value(carried))
         if self._publish_count:
             self._count += len(packets)
             self._publish_count(stamp, self._count)

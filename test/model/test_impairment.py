@@ -16,8 +16,9 @@ from cacc_platoon.model import (
     IndependentLoss,
     SendTimes,
 )
-from cacc_platoon.model.impairment import EVERY_SAMPLE, packets_by_sample
+from cacc_platoon.model.channel import packets_by_sample
 from cacc_platoon.model.keyed_random import BLOCK, keyed_uniform
+from cacc_platoon.model.packets import EVERY_SAMPLE, Packet
 
 N = 200_000
 
@@ -47,13 +48,13 @@ def test_a_slice_is_that_of_the_whole(start, length, times):
     one = channel(times=SendTimes(*times))
     whole, part = one.delivery(0, 5 * BLOCK), one.delivery(start, start + length)
     rows = (whole.sample >= start) & (whole.sample < start + length)
-    for all_of_it, some in zip(whole, part, strict=True):
+    for all_of_it, some in zip(whole[:3], part[:3], strict=True):
         np.testing.assert_array_equal(all_of_it[rows], some)
 
 
 def test_a_perfect_channel_delivers_every_sample_at_once():
     delivery = ComposedChannel([ContentNoise(ConstantNoise(1.25))]).delivery(3, 6)
-    assert [part.tolist() for part in delivery] == [[3, 4, 5], [3, 4, 5], [1.25] * 3]
+    assert [part.tolist() for part in delivery[:3]] == [[3, 4, 5], [3, 4, 5], [1.25] * 3]
 
 
 def test_losses_have_their_probability_and_no_memory():
@@ -114,9 +115,9 @@ def test_late_packets_arrive_in_the_order_of_their_delivery():
 @pytest.mark.parametrize("samples", [1, BLOCK - 1, BLOCK, BLOCK + 1, 3 * BLOCK + 5])
 def test_sample_by_sample_is_the_whole(samples):
     whole = channel().delivery(0, samples)
-    due: list[list[tuple[int, float]]] = [[] for _ in range(samples)]
-    for source, sample, factor in zip(*whole, strict=True):
-        due[sample].append((source, factor))
+    due: list[list[Packet]] = [[] for _ in range(samples)]
+    for sample, packet in zip(whole.sample, whole.packets(), strict=True):
+        due[sample].append(packet)
     assert list(packets_by_sample(channel(), samples)) == due
 
 
@@ -125,5 +126,6 @@ def test_a_stream_of_several_blocks_is_the_channels(hold):
     length = 2 * BLOCK + BLOCK // 2
     noise = BitNoise(5.0, [0.5] * 16, seed=1, link=1, hold=hold)
     packets = list(packets_by_sample(ComposedChannel([ContentNoise(noise)]), length))
-    assert packets == [[(k, w)] for k, w in enumerate(noise.factors(0, length).tolist())]
+    factors = noise.factors(0, length).tolist()
+    assert packets == [[Packet(k, k, 0.0, w)] for k, w in enumerate(factors)]
     assert len({str(packets[k : k + 100]) for k in (0, BLOCK, 2 * BLOCK)}) == 3

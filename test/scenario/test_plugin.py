@@ -39,7 +39,7 @@ class Liar:
 
     def delivery(self, start, stop):
         good = ComposedChannel([]).delivery(start, stop)
-        return type(good)(*(part[1:] for part in good))
+        return good.pick(slice(1, None))
 
 class Leaving(Liar):
     def delivery(self, start, stop):
@@ -69,7 +69,7 @@ class Keyed(Liar):
     def delivery(self, start, stop):
         good = ComposedChannel([]).delivery(start, stop)
         kept = np.random.default_rng(start).random(stop - start) > 0.3
-        return type(good)(*(part[kept] for part in good))
+        return good.pick(kept)
 
 class Far(Liar):
     prompt = False
@@ -83,7 +83,7 @@ class Twice(Far):
 
     def delivery(self, start, stop):
         good = ComposedChannel([]).delivery(start, stop)
-        return type(good)(*(np.repeat(part, 2) for part in good))
+        return good.pick(np.repeat(np.arange(stop - start), 2))
 
 class Prompt(Far):
     prompt = True

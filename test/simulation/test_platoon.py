@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from cacc_platoon.model import State
-from cacc_platoon.model.impairment import packets_by_sample
+from cacc_platoon.model.channel import packets_by_sample
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import load_scenario
 from cacc_platoon.simulation import initial_positions, propagate, simulate
@@ -129,9 +129,9 @@ def test_node_arithmetic_is_the_array_arithmetic_to_the_last_bit():
         after = list(states)
         for i, (plant, law, stream) in enumerate(zip(plants, laws, streams, strict=True)):
             ahead, own = states[i], states[i + 1]
-            [(source, factor)] = next(stream)
-            assert source == k
-            received = factor * ahead.acceleration
+            [packet] = next(stream)
+            assert packet.source == k
+            received = packet.value(ahead.acceleration)
             assert received == run.received[k, i]
             command = law.command(
                 own.position, own.velocity, ahead.position, ahead.velocity, received
