@@ -87,7 +87,7 @@ def _link(
     samples = len(run.received)
     sent = np.isfinite(run.sent[:, column])
     due = np.zeros(samples, np.bool_)
-    due[receiver.send_times.between(0, samples - receiver.latency_steps)] = True
+    due[receiver.send_times.between(0, samples - receiver.longest_latency_steps)] = True
     for begin, end in receiver.blackouts:
         due[begin:end] = False
     sent &= due | bool(receiver.v2v.channel)

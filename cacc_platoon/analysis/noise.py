@@ -61,7 +61,8 @@ class LinkNoise(NamedTuple):
 def noise_factor(run: Trajectory) -> Array:
     """Return w = received / sent of every link, NaN where there is none, shape (samples, L).
 
-    There is none where a_j is zero and where the packet is lost.
+    There is none where a_j is zero, where the packet is lost, and on links whose packets have
+    errors that multiply nothing.
 
     Examples
     --------
@@ -74,7 +75,8 @@ def noise_factor(run: Trajectory) -> Array:
     sent = run.sent
     loud = np.abs(sent) > SILENCE
     factor = np.full(sent.shape, np.nan)
-    np.divide(run.arrived, sent, out=factor, where=loud & ~delivered_as_zero(run))
+    exact = np.array([not receiver.errs for receiver in run.scenario.receivers])
+    np.divide(run.arrived, sent, out=factor, where=loud & ~delivered_as_zero(run) & exact)
     return factor
 
 
@@ -96,7 +98,8 @@ def _link(
     values = factor[np.isfinite(factor)]
     slack = BREACH_SLACK
     outside = (factor < 1.0 - 1.0 / v2v.rho - slack) | (factor > 1.0 + 1.0 / v2v.rho + slack)
-    outside |= (sent == 0.0) & np.isfinite(received) & (received != 0.0)
+    if not receiver.errs:
+        outside |= (sent == 0.0) & np.isfinite(received) & (received != 0.0)
     breaches = np.flatnonzero(outside)
     mean, variance = _theory(v2v.noise, v2v.rho, v2v.bit_probabilities)
     largest = float(np.abs(values - 1.0).max()) if values.size else math.nan

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from cacc_platoon.analysis.age import LinkReception
 from cacc_platoon.analysis.consistency import Consistency
+from cacc_platoon.analysis.content import content_premises
 from cacc_platoon.analysis.noise import LinkNoise
 from cacc_platoon.model import ConstantTimeHeadway
 from cacc_platoon.scenario import Follower, Scenario
@@ -20,6 +21,7 @@ def broken_premises(
         *_own_code(scenario),
         *_noise_out_of_range(noise),
         *_bursts_and_blackouts(scenario),
+        *content_premises(scenario),
         *_unexplained_loss(scenario, reception),
         *_departures(consistency),
     ]

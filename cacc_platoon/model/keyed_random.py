@@ -14,6 +14,9 @@ BLOCK = 8192
 LOSS, PHASE, BURST, DELAY, ERROR = 1, 2, 3, 4, 5
 """Purposes of streams beside the noise factor's, which has none; part of their keys."""
 
+LARGEST_NORMAL = 6.0
+"""The largest absolute value that `keyed_normal` can return."""
+
 
 def keyed_words(seed: int, *key: int) -> np.random.SFC64:
     """Return a source of random 64-bit words for (seed, key), such as (link, purpose, block)."""
@@ -38,14 +41,14 @@ def keyed_normal(
     """Return the draws start..stop-1 of a link's stream for a purpose, mean 0 and variance 1.
 
     Each is the sum of twelve uniform numbers, less its mean: normal but for its tails, which end at
-    6, and the same to the last bit on every machine.
+    LARGEST_NORMAL, and the same to the last bit on every machine.
     """
 
     def draw(block: int) -> npt.NDArray[np.float64]:
         words = keyed_words(seed, link, purpose, block).random_raw(6 * BLOCK)
         parts = words.astype("<u8", copy=False).view("<u4").reshape(12, BLOCK)
         total = parts.sum(axis=0, dtype=np.uint64).astype(np.float64)
-        return np.asarray((total - 6.0 * (2.0**32 - 1.0)) * 2.0**-32, np.float64)
+        return np.asarray((total - LARGEST_NORMAL * (2.0**32 - 1.0)) * 2.0**-32, np.float64)
 
     return from_blocks(draw, start, stop)
 

@@ -227,9 +227,7 @@ def _check_false_data(texts: Iterable[str], step: float, source: str) -> None:
             raise row.refusal(text, source, RULE) from None
     for before, after in pairwise(sorted(read)):
         if after.begin < before.end:
-            rule = (
-                f"must not overlap: false data begin at {after.begin * step:g} s before others end"
-            )
+            rule = f"must not overlap, as they do at {after.begin * step:g} s"
             raise row.refusal(list(texts), source, rule)
 
 

@@ -83,8 +83,25 @@ class Follower:
 
     @property
     def latency_steps(self) -> int:
-        """By how many control periods packets come later."""
+        """By how many control periods packets come later, in the mean where that differs."""
+        late = self._jitter()
+        return round(late.mean_delay) if late else self._constant_latency
+
+    @property
+    def longest_latency_steps(self) -> int:
+        """By how many control periods packets come later at most."""
+        late = self._jitter()
+        return late.longest_delay if late else self._constant_latency
+
+    @property
+    def _constant_latency(self) -> int:
         return math.ceil(self.v2v.latency / self.step - WHOLE)
+
+    @property
+    def errs(self) -> bool:
+        """Whether what its packets say is more than noise times the sender's acceleration."""
+        v2v = self.v2v
+        return bool(v2v.bias or v2v.noise_std or v2v.quantum or v2v.saturation)
 
     @property
     def send_times(self) -> SendTimes:
@@ -156,9 +173,8 @@ class Follower:
 
     def timing(self) -> Channel:
         """Return when the packets of the link come, in the mean, and what false data they carry."""
-        late = self._jitter()
-        mean = ConstantLatency(round(late.mean_delay) if late else self.latency_steps)
-        return ComposedChannel([*self._false_data(), mean], self.send_times)
+        late = ConstantLatency(self.latency_steps)
+        return ComposedChannel([*self._false_data(), late], self.send_times)
 
     def _jitter(self) -> RandomLatency | None:
         """Return the latency of packets that take different times."""
@@ -177,7 +193,7 @@ class Follower:
     def _latency(self) -> list[Impairment]:
         late = self._jitter()
         if late is None:
-            return [ConstantLatency(self.latency_steps)]
+            return [ConstantLatency(self._constant_latency)]
         return [late, InOrder(late.longest_delay)] if self.v2v.in_order else [late]
 
     def _false_data(self) -> list[Impairment]:

@@ -12,12 +12,14 @@ from cacc_platoon.simulation.trajectory import Array
 def draws_are_fresh(scenario: Scenario) -> bool:
     """Return whether each draw is used at its own sample alone and independent of those before.
 
-    It is not where packets are rare or late or lost in bursts or blackouts, nor where noise is held
-    over several samples and lost packets are replaced by the last one: a factor is then used before
-    and after a loss.
+    It is not where packets are rare or late, lost in bursts or blackouts or say anything else, nor
+    where noise is held over several samples and lost packets are replaced by the last one: a factor
+    is then used before and after a loss.
     """
     plain = all(
-        follower.timing().prompt and not (follower.v2v.burst_begin or follower.v2v.blackouts)
+        follower.timing().prompt
+        and not (follower.v2v.burst_begin or follower.v2v.blackouts or follower.v2v.jitter)
+        and not (follower.errs or follower.v2v.false_data)
         for follower in scenario.receivers
     )
     return plain and not any(

@@ -22,6 +22,13 @@ PAPER_A = HERE.parents[1] / "config" / "paper_a.yaml"
 LOSSY = ("run.duration=8", "platoon.followers=4", "leader.start=1", "v2v.loss=0.3")
 OWN = ("v2v.channel=own_parts:late", "controller.law=own_parts:Cautious")
 
+ALL_PARTS = (
+    *("v2v.period=0.05", "v2v.phase=random", "v2v.latency=0.013", "v2v.jitter=0.1"),
+    *("v2v.burst_begin=0.1", "v2v.burst_end=0.3", "v2v.blackouts=[2, 3]"),
+    *("v2v.bias=0.05", "v2v.noise_std=0.02", "v2v.quantum=0.1", "v2v.saturation=0.4"),
+    'v2v.false_data=["1 2 factor=3", "4 5 replay=2.5", "6 7 frozen"]',
+)
+
 Start = Callable[..., Platoon]
 Replay = Callable[..., dict[str, Any]]
 
@@ -48,6 +55,9 @@ def test_one_digest_for_nodes_and_simulation(
         ("v2v.period=0.1", "v2v.phase=random"),
         ("v2v.latency=0.035", "v2v.loss=0"),
         ("v2v.burst_begin=0.3", "v2v.burst_end=0.3", "v2v.blackouts=[2, 3.5, 5, 5.5]"),
+        ("v2v.bias=0.05", "v2v.noise_std=0.02", "v2v.quantum=0.1", "v2v.saturation=0.4"),
+        ("v2v.jitter=0.05", "v2v.jitter_law=gamma", "v2v.in_order=true", "v2v.loss=0"),
+        ALL_PARTS,
     ],
 )
 def test_one_digest_where_packets_are_rare_or_late(

@@ -1,0 +1,85 @@
+"""Parameters of what packets say and how long they take: what is refused, what is left alone."""
+
+import pytest
+
+from cacc_platoon.cli import main
+from cacc_platoon.model import Forgery, Lattice
+from cacc_platoon.scenario import Scenario
+from cacc_platoon.scenario.parameter import ScenarioError
+
+RULE = 'must be "BEGIN END WHAT"'
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"v2v.jitter": -0.1}, "v2v.jitter = -0.1 s must be >= 0 and <= 10"),
+        ({"v2v.jitter": 11.0}, "v2v.jitter = 11.0 s must be >= 0 and <= 10"),
+        ({"v2v.jitter_law": "normal"}, "v2v.jitter_law = 'normal' must be uniform | gamma"),
+        ({"v2v.jitter_shape": 0}, "v2v.jitter_shape = 0 must be >= 1 and <= 100"),
+        ({"v2v.jitter_shape": 1.5}, "v2v.jitter_shape = 1.5 must be a whole number"),
+        ({"v2v.in_order": "often"}, "v2v.in_order = 'often' must be true or false"),
+        ({"v2v.bias": float("nan")}, "v2v.bias = nan m/s^2 must be"),
+        ({"v2v.noise_std": -1.0}, "v2v.noise_std = -1.0 m/s^2 must be >= 0"),
+        ({"v2v.quantum": -0.1}, "v2v.quantum = -0.1 m/s^2 must be >= 0"),
+        ({"v2v.quantum": 0.1, "v2v.saturation": 0.05}, "v2v.saturation = 0.05 m/s^2 must be at"),
+        ({"v2v.false_data": ["20 40"]}, RULE),
+        ({"v2v.false_data": ["20 40 lies"]}, RULE),
+        ({"v2v.false_data": ["40 20 frozen"]}, RULE),
+        ({"v2v.false_data": ["20 20 frozen"]}, RULE),
+        ({"v2v.false_data": ["-1 20 frozen"]}, RULE),
+        ({"v2v.false_data": ["0 20 frozen=1"]}, RULE),
+        ({"v2v.false_data": ["0 20 factor"]}, RULE),
+        ({"v2v.false_data": ["0 20 factor=inf"]}, RULE),
+        ({"v2v.false_data": ["0 20 replay=-2"]}, RULE),
+        ({"v2v.false_data": ["0 1e9 frozen"]}, RULE),
+        ({"v2v.false_data": ["0 nan frozen"]}, RULE),
+        ({"v2v.false_data": ["0 20 factor=2", "15 30 frozen"]}, "must not overlap, as they do at"),
+        ({"v2v.false_data": [3.0]}, "v2v.false_data"),
+    ],
+)
+def test_what_is_refused(values, words):
+    with pytest.raises(ScenarioError) as caught:
+        Scenario.from_values(values)
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_nothing_starts(tmp_path, capsys):
+    asked = ["simulate", "-o", str(tmp_path / "run"), "--set", 'v2v.false_data=["1 2 lies"]']
+    assert main([*asked[:1], "config/paper_a.yaml", *asked[1:]]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+    assert not (tmp_path / "run").exists()
+
+
+def test_times_are_samples():
+    scenario = Scenario.from_values(
+        {"v2v.false_data": ["4 5 frozen", "0.5 1.005 factor=-1", "2 3 replay=0.5"]}
+    )
+    assert scenario.follower(1).forgeries == [
+        Forgery(50, 101, factor=-1.0),
+        Forgery(200, 300, older=50),
+        Forgery(400, 500, frozen=True),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("values", "counted"),
+    [
+        ({"v2v.bias": 0.1}, False),
+        ({"v2v.quantum": 0.1, "v2v.saturation": 16.0}, False),
+        ({"v2v.false_data": ["1 2 frozen"]}, False),
+        ({"v2v.jitter": 0.02}, True),
+        ({"v2v.jitter": 0.02, "v2v.in_order": True}, True),
+        ({"v2v.in_order": True}, False),
+    ],
+)
+def test_packets_are_counted_where_they_may_be_late(values, counted):
+    assert Scenario.from_values(values).follower(1).counted is counted
+
+
+def test_latency_in_the_mean_and_at_most():
+    follower = Scenario.from_values({"v2v.latency": 0.02, "v2v.jitter": 0.04}).follower(1)
+    assert (follower.latency_steps, follower.longest_latency_steps) == (4, 6)
+    assert Scenario.from_values({"v2v.latency": 0.025}).follower(1).latency_steps == 3
+    assert Scenario.from_values({"v2v.quantum": 0.1}).follower(1).lattice == Lattice(0.1, 0.0)
