@@ -3,6 +3,7 @@
 from cacc_platoon.model.channel import Channel, ComposedChannel
 from cacc_platoon.model.content import AdditiveNoise, ContentNoise, FalseData, Forgery
 from cacc_platoon.model.control import ConstantTimeHeadway, ControlLaw, Gains
+from cacc_platoon.model.fallback import FallbackReception, ReceptionState
 from cacc_platoon.model.latency import ConstantLatency, InOrder, RandomLatency
 from cacc_platoon.model.leader import (
     LeaderProfile,
@@ -31,6 +32,7 @@ from cacc_platoon.model.packets import (
     SendTimes,
 )
 from cacc_platoon.model.reception import HoldReception, Reception, ZeroReception
+from cacc_platoon.model.send_rule import CamRule, SendRule, TriggeredChannel
 from cacc_platoon.model.topology import Link, Topology
 from cacc_platoon.model.vehicle import State, ThirdOrderPlant
 
@@ -39,6 +41,7 @@ __all__ = [
     "BitNoise",
     "Blackouts",
     "BurstLoss",
+    "CamRule",
     "Channel",
     "ComposedChannel",
     "ConstantLatency",
@@ -47,6 +50,7 @@ __all__ = [
     "ContentNoise",
     "ControlLaw",
     "Delivery",
+    "FallbackReception",
     "FalseData",
     "Forgery",
     "Gains",
@@ -62,12 +66,15 @@ __all__ = [
     "PiecewiseConstantAcceleration",
     "RandomLatency",
     "Reception",
+    "ReceptionState",
     "RecordedMotion",
+    "SendRule",
     "SendTimes",
     "SinePulse",
     "State",
     "ThirdOrderPlant",
     "Topology",
+    "TriggeredChannel",
     "ZeroReception",
     "brake_profile",
     "expected_factor",

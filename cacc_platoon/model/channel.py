@@ -199,7 +199,7 @@ class ComposedChannel:
         lattice: Lattice = EVERY_VALUE,
     ) -> None:
         self._impairments, self._send_times = tuple(impairments), send_times
-        self._lattice = lattice
+        self.lattice = lattice
         prompt = all(impairment.prompt for impairment in self._impairments)
         self.prompt = prompt and send_times == EVERY_SAMPLE
         self.longest_delay = sum(impairment.longest_delay for impairment in self._impairments)
@@ -216,7 +216,7 @@ class ComposedChannel:
             packets.factor,
             packets.offset if packets.offset.any() else None,
             packets.content if self.oldest_content else None,
-            self._lattice,
+            self.lattice,
         )
         rows = np.flatnonzero(packets.arrives & (sample >= start) & (sample < stop))
         return delivery.pick(rows[np.argsort(sample[rows], kind="stable")])

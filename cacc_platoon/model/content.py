@@ -56,7 +56,8 @@ class AdditiveNoise:
     longest_delay = 0
 
     def __init__(self, std: float, bias: float, seed: int, link: int) -> None:
-        self._std, self._bias, self._seed, self._link = std, bias, seed, link
+        self._std, self._bias = std, bias
+        self._draws = keyed_normal(seed, link, ERROR)
 
     def apply(self, packets: Packets) -> Packets:
         """Return the packets with their errors."""
@@ -65,7 +66,7 @@ class AdditiveNoise:
         error = np.full(len(packets.number), self._bias)
         if self._std:
             first, last = int(packets.number[0]), int(packets.number[-1])
-            drawn = keyed_normal(self._seed, self._link, ERROR, first, last + 1)
+            drawn = self._draws(first, last + 1)
             error += self._std * drawn[packets.number - first]
         return packets._replace(offset=packets.offset + error)
 

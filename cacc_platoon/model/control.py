@@ -73,6 +73,11 @@ class ConstantTimeHeadway:
         self.standstill_distance = standstill_distance
         self._headway, self._k_a, self._k_v, self._k_p = gains
 
+    def with_headway(self, time_headway: Value) -> ConstantTimeHeadway:
+        """Return the law with another time headway [s], a float or an array."""
+        gains = self.gains._replace(time_headway=time_headway)  # type: ignore[arg-type]
+        return ConstantTimeHeadway(gains, self.standstill_distance)
+
     def spacing_error(self, position: Value, velocity: Value, predecessor_position: Value) -> Value:
         """Return delta_i = x_i - x_{i-1} + d + h_w v_i [m]; positive means too close."""
         gap_error = position - predecessor_position + self.standstill_distance

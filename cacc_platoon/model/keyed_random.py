@@ -23,25 +23,43 @@ def keyed_words(seed: int, *key: int) -> np.random.SFC64:
     return np.random.SFC64(np.random.SeedSequence(seed, spawn_key=(STREAM_VERSION, *key)))
 
 
-def keyed_uniform(
-    seed: int, link: int, purpose: int, start: int, stop: int
-) -> npt.NDArray[np.float64]:
-    """Return the draws start..stop-1 of a link's stream for a purpose, uniform in [0, 1)."""
+class Stream:
+    """Random numbers of a stream that is drawn a block at a time.
+
+    The last block is remembered, for whoever asks for one number after the other.
+    """
+
+    def __init__(self, draw: Callable[[int], npt.NDArray[np.float64]]) -> None:
+        self._draw, self._block = draw, -1
+        self._values = np.empty(0)
+
+    def __call__(self, start: int, stop: int) -> npt.NDArray[np.float64]:
+        """Return the draws start..stop-1."""
+        draws = np.empty(stop - start)
+        for block in range(start // BLOCK, -(-stop // BLOCK)):
+            begin, end = max(start, block * BLOCK), min(stop, (block + 1) * BLOCK)
+            values = self._values if block == self._block else self._draw(block)
+            if end - begin < BLOCK:
+                self._block, self._values = block, values
+            draws[begin - start : end - start] = values[begin - block * BLOCK : end - block * BLOCK]
+        return draws
+
+
+def keyed_uniform(seed: int, link: int, purpose: int) -> Stream:
+    """Return a link's stream for a purpose, uniform in [0, 1)."""
 
     def draw(block: int) -> npt.NDArray[np.float64]:
         words = keyed_words(seed, link, purpose, block).random_raw(BLOCK)
         return np.asarray((words >> np.uint64(11)) * 2.0**-53, np.float64)
 
-    return from_blocks(draw, start, stop)
+    return Stream(draw)
 
 
-def keyed_normal(
-    seed: int, link: int, purpose: int, start: int, stop: int
-) -> npt.NDArray[np.float64]:
-    """Return the draws start..stop-1 of a link's stream for a purpose, mean 0 and variance 1.
+def keyed_normal(seed: int, link: int, purpose: int) -> Stream:
+    """Return a link's stream for a purpose, of mean 0 and variance 1.
 
-    Each is the sum of twelve uniform numbers, less its mean: normal but for its tails, which end at
-    LARGEST_NORMAL, and the same to the last bit on every machine.
+    Each number is the sum of twelve uniform ones, less its mean: normal but for its tails, which
+    end at LARGEST_NORMAL, and the same to the last bit on every machine.
     """
 
     def draw(block: int) -> npt.NDArray[np.float64]:
@@ -50,16 +68,4 @@ def keyed_normal(
         total = parts.sum(axis=0, dtype=np.uint64).astype(np.float64)
         return np.asarray((total - LARGEST_NORMAL * (2.0**32 - 1.0)) * 2.0**-32, np.float64)
 
-    return from_blocks(draw, start, stop)
-
-
-def from_blocks(
-    draw: Callable[[int], npt.NDArray[np.float64]], start: int, stop: int
-) -> npt.NDArray[np.float64]:
-    """Return the draws start..stop-1 of a stream that is drawn a block at a time."""
-    draws = np.empty(stop - start)
-    for block in range(start // BLOCK, -(-stop // BLOCK)):
-        begin, end = max(start, block * BLOCK), min(stop, (block + 1) * BLOCK)
-        values = draw(block)
-        draws[begin - start : end - start] = values[begin - block * BLOCK : end - block * BLOCK]
-    return draws
+    return Stream(draw)

@@ -66,7 +66,7 @@ class RandomLatency:
 
     def __init__(self, chances: Sequence[float], seed: int, link: int) -> None:
         self._until = np.cumsum(np.asarray(chances, np.float64))[:-1]
-        self._seed, self._link = seed, link
+        self._draws = keyed_uniform(seed, link, DELAY)
         self.longest_delay = len(chances) - 1
         self.mean_delay = float(np.dot(np.arange(len(chances)), chances))
 
@@ -75,7 +75,7 @@ class RandomLatency:
         if not len(packets.number):
             return packets
         first, last = int(packets.number[0]), int(packets.number[-1])
-        draws = keyed_uniform(self._seed, self._link, DELAY, first, last + 1)
+        draws = self._draws(first, last + 1)
         late = np.searchsorted(self._until, draws[packets.number - first], side="right")
         return packets._replace(delay=packets.delay + late)
 

@@ -35,14 +35,15 @@ class IndependentLoss:
     longest_delay = 0
 
     def __init__(self, probability: float, seed: int, link: int) -> None:
-        self._probability, self._seed, self._link = probability, seed, link
+        self._probability = probability
+        self._draws = keyed_uniform(seed, link, LOSS)
 
     def apply(self, packets: Packets) -> Packets:
         """Return the packets, those that are lost marked."""
         if not len(packets.number):
             return packets
         first, last = int(packets.number[0]), int(packets.number[-1])
-        draws = keyed_uniform(self._seed, self._link, LOSS, first, last + 1)
+        draws = self._draws(first, last + 1)
         kept = draws[packets.number - first] >= self._probability
         return packets._replace(arrives=packets.arrives & kept)
 
@@ -79,7 +80,8 @@ class BurstLoss:
         self, begin: float, end: float, good: float, bad: float, *, seed: int, link: int
     ) -> None:
         self._begin, self._end, self._good, self._bad = begin, end, good, bad
-        self._seed, self._link = seed, link
+        self._turns = keyed_uniform(seed, link, BURST)
+        self._draws = keyed_uniform(seed, link, LOSS)
 
     @property
     def bad_share(self) -> float:
@@ -109,7 +111,7 @@ class BurstLoss:
         low, high = min(self._begin, stays), max(self._begin, stays)
         first = start
         while True:
-            draws = keyed_uniform(self._seed, self._link, BURST, first, stop)
+            draws = self._turns(first, stop)
             known = (draws < low) | (draws >= high)
             if first == 0:
                 known[:1] = True
@@ -133,7 +135,7 @@ class BurstLoss:
         first, stop = int(packets.number[0]), int(packets.number[-1]) + 1
         rows = packets.number - first
         probability = np.where(self.is_bad(first, stop), self._bad, self._good)
-        kept = keyed_uniform(self._seed, self._link, LOSS, first, stop) >= probability
+        kept = self._draws(first, stop) >= probability
         return packets._replace(arrives=packets.arrives & kept[rows])
 
 

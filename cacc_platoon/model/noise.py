@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from cacc_platoon.model.keyed_random import BLOCK, from_blocks, keyed_words
+from cacc_platoon.model.keyed_random import BLOCK, Stream, keyed_words
 
 MAX_BITS = 32
 
@@ -74,11 +74,12 @@ class BitNoise:
         chances = np.reshape(bit_probabilities, (bits, 1))
         self._thresholds = np.rint(chances * 2.0**32).clip(1, 2.0**32 - 1).astype(np.uint32)
         self._scale = 2.0 ** (bits - 1)
+        self._stream = Stream(self._draw)
 
     def factors(self, start: int, stop: int) -> npt.NDArray[np.float64]:
         """Return w for the samples start..stop-1, shape (stop - start,)."""
         first, last = start // self._hold, -(-stop // self._hold)
-        draws = from_blocks(self._draw, first, last)
+        draws = self._stream(first, last)
         if self._hold == 1:
             return draws
         return draws[np.arange(start, stop) // self._hold - first]

@@ -111,7 +111,7 @@ class Follower:
             case "aligned":
                 return SendTimes(interval)
             case "random":
-                drawn = keyed_uniform(self.seed, self.link.key, PHASE, 0, 1)[0]
+                drawn = keyed_uniform(self.seed, self.link.key, PHASE)(0, 1)[0]
                 return SendTimes(interval, int(drawn * interval))
             case float(seconds):
                 return SendTimes(interval, round(seconds / self.step))

@@ -62,20 +62,20 @@ def test_one_by_one_they_say_what_they_say_in_arrays():
 
 
 def test_errors_are_normal_up_to_their_tails():
-    drawn = keyed_normal(1, 1, ERROR, 0, N)
+    drawn = keyed_normal(1, 1, ERROR)(0, N)
     assert abs(drawn.mean()) < 4.0 / math.sqrt(N)
     assert abs(drawn.var() - 1.0) < 4.0 * math.sqrt(2.0 / N)
     assert np.abs(drawn).max() < LARGEST_NORMAL
     for limit in (-2.0, -1.0, 0.0, 0.5, 1.5, 2.5):
         normal = 0.5 * math.erfc(-limit / math.sqrt(2.0))
         assert abs((drawn < limit).mean() - normal) < 0.003
-    other = keyed_normal(1, 2, ERROR, 0, N)
+    other = keyed_normal(1, 2, ERROR)(0, N)
     assert abs(np.corrcoef(drawn, other)[0, 1]) < 4.0 / math.sqrt(N)
     assert abs(np.corrcoef(drawn[:-1], drawn[1:])[0, 1]) < 4.0 / math.sqrt(N)
 
 
 def test_the_stream_of_errors_is_recorded():
-    draws = keyed_normal(1, 1, ERROR, 0, 10_000)
+    draws = keyed_normal(1, 1, ERROR)(0, 10_000)
     assert hashlib.sha256(draws.tobytes()).hexdigest()[:16] == "389aa52d6c428887"
 
 

@@ -99,7 +99,7 @@ def test_links_and_purposes_are_independent():
 
 def test_the_stream_of_losses_is_recorded():
     """A change of an existing stream is a new STREAM_VERSION: recorded runs would differ."""
-    draws = keyed_uniform(1, 1, 1, 0, 10_000)
+    draws = keyed_uniform(1, 1, 1)(0, 10_000)
     assert 0.0 <= np.min(draws) < 1e-3
     assert 1.0 - 1e-3 < np.max(draws) < 1.0
     assert hashlib.sha256(draws.tobytes()).hexdigest()[:16] == "f99e0a3816fb4162"
