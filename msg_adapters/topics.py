@@ -59,6 +59,7 @@ class VehicleTopics:
         self.received, self.complete = self.link(index - 1)
         self.command = Topic(f"{self.namespace}/command", ACCEL, body)
         self.spacing_error = Topic(f"{self.namespace}/spacing_error", VECTOR, body)
+        self.reception = Topic(f"{self.namespace}/reception", VECTOR, body)
 
     @property
     def motion(self) -> tuple[Topic, Topic, Topic]:
@@ -157,6 +158,10 @@ class Graph:
         Followers whose relay counts its messages, because its channel may lose or delay them.
     command, spacing_error : bool
         Whether vehicles publish these too.
+    triggered : frozenset of int
+        Followers whose relay follows the motion of the senders too, which send as they move.
+    fallback : frozenset of int
+        Followers that fall back without V2V, and publish the state of their reception.
 
     Examples
     --------
@@ -170,17 +175,21 @@ class Graph:
     counted: frozenset[int] = frozenset()
     command: bool = False
     spacing_error: bool = False
+    triggered: frozenset[int] = frozenset()
+    fallback: frozenset[int] = frozenset()
 
     @classmethod
     def of(cls, scenario: Scenario) -> Graph:
         """Return the graph of a scenario."""
-        record = scenario.record
+        record, followers = scenario.record, scenario.followers
         return cls(
             scenario.platoon.namespace,
             scenario.topology,
-            frozenset(follower.index for follower in scenario.followers if follower.counted),
+            frozenset(one.index for one in followers if one.counted),
             record.command,
             record.spacing_error,
+            frozenset(one.index for one in followers if one.triggered),
+            frozenset(one.index for one in followers if one.fallback_law()),
         )
 
     @cached_property
@@ -242,13 +251,21 @@ class Graph:
 
     def _vehicle(self, index: int) -> NodeTopics:
         own, ahead = self.vehicles[index], self.vehicles[index - 1]
-        asked = ((self.command, own.command), (self.spacing_error, own.spacing_error))
+        asked = (
+            (self.command, own.command),
+            (self.spacing_error, own.spacing_error),
+            (index in self.fallback, own.reception),
+        )
         publishes = (*own.motion, *(topic for wanted, topic in asked if wanted))
         return NodeTopics(publishes, (ahead.pose, ahead.twist, *self._received(index)))
 
     def _relay(self, index: int) -> NodeTopics:
-        senders = (self.vehicles[link.sender].accel for link in self._links_to(index))
-        return NodeTopics(self._received(index), tuple(senders))
+        senders = [self.vehicles[link.sender] for link in self._links_to(index)]
+        if index in self.triggered:
+            heard = tuple(t for one in senders for t in (one.accel, one.pose, one.twist))
+        else:
+            heard = tuple(one.accel for one in senders)
+        return NodeTopics(self._received(index), heard)
 
     def _links_to(self, index: int) -> tuple[Link, ...]:
         return self.topology.links_to(index) if index in self.topology.followers else ()

@@ -81,13 +81,23 @@ def information_age(arrivals: Arrivals, samples: int) -> Array:
     return np.where(newest >= 0, np.arange(samples) - newest, np.nan)
 
 
+def _sent_at(run: Trajectory, receiver: Follower, column: int, stop: int) -> npt.NDArray[np.int64]:
+    """Return the samples before `stop` at which a packet is sent over a link."""
+    if not receiver.triggered:
+        return receiver.send_times.between(0, stop)
+    rule, sender = receiver.send_rule(), run.scenario.topology.senders[column]
+    motion = zip(run.position[:, sender].tolist(), run.velocity[:, sender].tolist(), strict=True)
+    sends = [rule.sends(k, *state) for k, state in enumerate(motion)]
+    return np.flatnonzero(sends[: max(stop, 0)])
+
+
 def _link(
     run: Trajectory, receiver: Follower, column: int, dropped: npt.NDArray[np.bool_]
 ) -> LinkReception:
     samples = len(run.received)
     sent = np.isfinite(run.sent[:, column])
     due = np.zeros(samples, np.bool_)
-    due[receiver.send_times.between(0, samples - receiver.longest_latency_steps)] = True
+    due[_sent_at(run, receiver, column, samples - receiver.longest_latency_steps)] = True
     for begin, end in receiver.blackouts:
         due[begin:end] = False
     sent &= due | bool(receiver.v2v.channel)

@@ -151,7 +151,13 @@ def analyse(
         expectation,
         expected,
         consistency,
-        judge(run.trajectory.scenario, measured.noise, consistency, measured.reception),
+        judge(
+            run.trajectory.scenario,
+            measured.noise,
+            consistency,
+            measured.reception,
+            measured.fallback,
+        ),
         ensemble,
     )
 

@@ -116,7 +116,7 @@ class Bases(NamedTuple):
 def arrival(follower: Follower) -> Arrival:
     """Return the share of packets that a follower receives, by what it does about lost ones."""
     arrives = 1.0 - follower.mean_loss
-    return Arrival(1.0, arrives) if follower.v2v.reception == "hold" else Arrival(arrives, 1.0)
+    return Arrival(1.0, arrives) if follower.holds else Arrival(arrives, 1.0)
 
 
 def bases_of(scenario: Scenario, *, equal: bool) -> Bases:

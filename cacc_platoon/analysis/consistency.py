@@ -15,7 +15,7 @@ import numpy as np
 
 from cacc_platoon.model import ConstantTimeHeadway, Gains, State, ThirdOrderPlant, sample_profile
 from cacc_platoon.simulation import Arrivals, Trajectory
-from cacc_platoon.simulation.links import plan_link
+from cacc_platoon.simulation.platoon import arrivals_of, blended, law_without_v2v
 from cacc_platoon.simulation.trajectory import Array
 
 TOLERANCE = 1e-9
@@ -65,13 +65,16 @@ def check_consistency(run: Trajectory) -> Consistency:
     nearest = [own.start for own in scenario.topology.columns]
     own = State(*(part[:-1, 1:] for part in (run.position, run.velocity, run.acceleration)))
     with np.errstate(invalid="ignore", over="ignore"):
-        command = law.command(
+        measured = (
             own.position,
             own.velocity,
             run.position[:-1, :-1],
             run.velocity[:-1, :-1],
-            run.received[:-1, nearest],
         )
+        command = law.command(*measured, run.received[:-1, nearest])
+        if run.share is not None:
+            alone = law_without_v2v(followers).command(*measured, np.zeros(()))
+            command = blended(command, alone, run.share[:-1])
         due = plant.advance(own, command)
         recorded = (part[1:, 1:] for part in (run.position, run.velocity, run.acceleration))
         difference = _farthest(due, recorded)
@@ -101,14 +104,14 @@ def check_links(run: Trajectory) -> Consistency:
     ):
         if receiver.v2v.channel:
             continue
-        plan = plan_link(receiver, samples, receiver.channel())
+        motion = np.stack([part[:, sender] for part in run.motion])
         with np.errstate(invalid="ignore", over="ignore"):
-            due, due_at = _by_source(plan.arrivals(run.acceleration[:, sender]), samples)
+            due, due_at = _by_source(arrivals_of(receiver, motion), samples)
             found, found_at = run.received[:, column], due_at
             if run.arrivals:
                 found, found_at = _by_source(run.arrivals[column], samples)
             apart = np.abs(found - due)
-        if not plan.prompt:  # elsewhere what is not there is missing in the bag, not lost
+        if receiver.counted:  # elsewhere what is not there is missing in the bag, not lost
             apart[due_at != found_at] = math.inf
         difference[:, column] = apart
     custom = [receiver.v2v.channel for receiver in receivers]

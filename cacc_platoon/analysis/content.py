@@ -15,6 +15,12 @@ def content_premises(scenario: Scenario) -> Iterator[str]:
     receivers = scenario.receivers
     yield from _errors([follower for follower in receivers if follower.errs])
     yield from _false_data([follower for follower in receivers if follower.v2v.false_data])
+    if any(follower.triggered for follower in receivers):
+        yield (
+            "packets are sent as the sender moves (v2v.send_rule = cam), 0.1 to 1 s apart: what is "
+            "proven is of packets at fixed times; in the expectation run they are sent as the "
+            "sender moves in the mean"
+        )
     late = [follower.v2v for follower in receivers if follower.v2v.jitter]
     if late:
         least, most = min(v2v.latency for v2v in late), max(v2v.jitter for v2v in late)

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cacc_platoon.analysis.age import LinkReception, link_reception
+from cacc_platoon.analysis.fallback import FallbackUse, fallback_use
 from cacc_platoon.analysis.noise import LinkNoise, link_noise
 from cacc_platoon.model.leader import least_accelerations
 from cacc_platoon.simulation import Trajectory
@@ -70,6 +71,8 @@ class Metrics:
         Realised noise per link.
     reception : list of LinkReception
         Packet loss and age of information per link.
+    fallback : list of FallbackUse
+        Who may fall back to a law without V2V, and did.
     """
 
     duration: float
@@ -95,6 +98,7 @@ class Metrics:
     first_collision: tuple[int, float] | None
     noise: list[LinkNoise]
     reception: list[LinkReception]
+    fallback: list[FallbackUse]
 
 
 def compute_metrics(run: Trajectory) -> Metrics:
@@ -144,6 +148,7 @@ def compute_metrics(run: Trajectory) -> Metrics:
         first_collision=collided,
         noise=link_noise(run),
         reception=link_reception(run),
+        fallback=fallback_use(run),
     )
 
 

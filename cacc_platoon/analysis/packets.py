@@ -83,7 +83,7 @@ def growth_with_packets(
     worst = max(growing, key=lambda follower: growing[follower].growth)
     follower = scenario.follower(worst)
     times = packet_times(follower, scenario.run.step)
-    bursts = follower.v2v.burst_begin and follower.v2v.reception == "hold"
+    bursts = follower.v2v.burst_begin and follower.holds
     were = ", if losses did not depend on each other" if bursts else ""
     count = "" if len(growing) == len(verdicts) else f" (vehicle {worst}, {len(growing)} in all)"
     found = growing[worst]

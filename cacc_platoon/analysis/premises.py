@@ -5,6 +5,7 @@ from __future__ import annotations
 from cacc_platoon.analysis.age import LinkReception
 from cacc_platoon.analysis.consistency import Consistency
 from cacc_platoon.analysis.content import content_premises
+from cacc_platoon.analysis.fallback import FallbackUse, fallback_premises
 from cacc_platoon.analysis.noise import LinkNoise
 from cacc_platoon.model import ConstantTimeHeadway
 from cacc_platoon.scenario import Follower, Scenario
@@ -15,6 +16,7 @@ def broken_premises(
     noise: list[LinkNoise],
     reception: list[LinkReception],
     consistency: Consistency | None,
+    fallback: list[FallbackUse],
 ) -> list[str]:
     """Say why a certificate does not cover the run."""
     return [
@@ -22,6 +24,7 @@ def broken_premises(
         *_noise_out_of_range(noise),
         *_bursts_and_blackouts(scenario),
         *content_premises(scenario),
+        *fallback_premises(scenario, fallback),
         *_unexplained_loss(scenario, reception),
         *_departures(consistency),
     ]
@@ -43,7 +46,7 @@ def _bursts_and_blackouts(scenario: Scenario) -> list[str]:
     """Name losses of which no theorem knows."""
     receivers = scenario.receivers
     found = []
-    if any(f.v2v.burst_begin and f.v2v.reception == "hold" for f in receivers):
+    if any(f.v2v.burst_begin and f.holds for f in receivers):
         found.append(
             "packets are lost in bursts (v2v.burst_begin) while the last one is held: what is "
             "proven is of losses that do not depend on each other"

@@ -10,6 +10,7 @@ import numpy as np
 from cacc_platoon.analysis.age import LinkReception
 from cacc_platoon.analysis.basis import Bases, arrival, bases_of
 from cacc_platoon.analysis.consistency import Consistency
+from cacc_platoon.analysis.fallback import FallbackUse
 from cacc_platoon.analysis.follower_verdict import FollowerVerdict
 from cacc_platoon.analysis.guarantee import guarantee_of, noise_statistics, of_unequal
 from cacc_platoon.analysis.noise import LinkNoise
@@ -141,6 +142,7 @@ def judge(
     noise: list[LinkNoise] | None = None,
     consistency: Consistency | None = None,
     reception: list[LinkReception] | None = None,
+    fallback: list[FallbackUse] | None = None,
 ) -> Verdict:
     """Judge a scenario, and with what its run showed, the run.
 
@@ -154,6 +156,8 @@ def judge(
         Whether the run obeys the equations.
     reception : list of LinkReception, optional
         What arrived over the links.
+    fallback : list of FallbackUse, optional
+        Who fell back to a law without V2V.
 
     Examples
     --------
@@ -190,7 +194,7 @@ def judge(
         (
             *_sampled_too_slowly(verdicts),
             *growth_with_packets(scenario, verdicts, equal=equal),
-            *broken_premises(scenario, noise or [], reception or [], consistency),
+            *broken_premises(scenario, noise or [], reception or [], consistency, fallback or []),
         ),
         tuple(verdicts),
         _weakest(scenario, verdicts),

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from cacc_platoon.analysis.age import information_age
+from cacc_platoon.analysis.fallback import reception_state
 from cacc_platoon.analysis.noise import LinkNoise, noise_factor
 from cacc_platoon.figures.style import BLUE, GREY, ORANGE, RED, Axes, reduce
-from cacc_platoon.model import Link
+from cacc_platoon.model import Link, ReceptionState
 from cacc_platoon.simulation import Trajectory
 
 _BESIDE = 0.2
@@ -50,6 +53,34 @@ def plot_age(axes: Axes, run: Trajectory, follower: int) -> None:
     axes.plot(*reduce(run.time, age), color=BLUE, linewidth=0.6)
     axes.set_xlabel("time [s]")
     axes.set_ylabel("age of information [s]")
+
+
+STATES = {
+    ReceptionState.DEGRADING: (ORANGE, "blends to the law without V2V"),
+    ReceptionState.FALLBACK: (RED, "law without V2V"),
+    ReceptionState.RECOVERING: (BLUE, "blends back"),
+}
+
+
+def plot_reception(axes: Axes, run: Trajectory) -> None:
+    """Draw when each follower fell back to a law without V2V; `run` has shares."""
+    assert run.share is not None
+    step = run.scenario.run.step
+    for number, follower in enumerate(run.scenario.indices):
+        states = reception_state(run.share[:, number])
+        turns = np.flatnonzero(np.diff(states)) + 1
+        for begin, end in pairwise([0, *turns.tolist(), len(states)]):
+            if (state := ReceptionState(states[begin])) in STATES:
+                span = [(begin * step, (end - begin) * step)]
+                axes.broken_barh(span, (follower - 0.35, 0.7), color=STATES[state][0])
+    for color, label in STATES.values():
+        axes.broken_barh([], (0.0, 0.0), color=color, label=label)
+    axes.set_xlim(0.0, run.scenario.run.duration)
+    axes.set_ylim(run.scenario.indices[-1] + 0.5, run.scenario.indices[0] - 0.5)
+    axes.yaxis.get_major_locator().set_params(integer=True)
+    axes.set_xlabel("time [s]")
+    axes.set_ylabel("follower")
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, 1.2), ncols=3)
 
 
 def plot_link_noise(axes: Axes, links: list[LinkNoise]) -> None:

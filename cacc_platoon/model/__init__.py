@@ -1,6 +1,6 @@
 """The platoon's world: vehicle, control law, V2V link and leader, scalar and array; numpy only."""
 
-from cacc_platoon.model.channel import Channel, ComposedChannel
+from cacc_platoon.model.channel import Channel, ChannelSource, ComposedChannel, PacketSource
 from cacc_platoon.model.content import AdditiveNoise, ContentNoise, FalseData, Forgery
 from cacc_platoon.model.control import ConstantTimeHeadway, ControlLaw, Gains
 from cacc_platoon.model.fallback import FallbackReception, ReceptionState
@@ -31,7 +31,7 @@ from cacc_platoon.model.packets import (
     Packets,
     SendTimes,
 )
-from cacc_platoon.model.reception import HoldReception, Reception, ZeroReception
+from cacc_platoon.model.reception import ChoosingReception, HoldReception, Reception, ZeroReception
 from cacc_platoon.model.send_rule import CamRule, SendRule, TriggeredChannel
 from cacc_platoon.model.topology import Link, Topology
 from cacc_platoon.model.vehicle import State, ThirdOrderPlant
@@ -43,6 +43,8 @@ __all__ = [
     "BurstLoss",
     "CamRule",
     "Channel",
+    "ChannelSource",
+    "ChoosingReception",
     "ComposedChannel",
     "ConstantLatency",
     "ConstantNoise",
@@ -62,6 +64,7 @@ __all__ = [
     "LeaderProfile",
     "Link",
     "Noise",
+    "PacketSource",
     "Packets",
     "PiecewiseConstantAcceleration",
     "RandomLatency",

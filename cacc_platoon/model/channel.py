@@ -228,6 +228,45 @@ class ComposedChannel:
         return packets
 
 
+class PacketSource(Protocol):
+    """The packets of one link in one run, from its first sample on."""
+
+    @property
+    def prompt(self) -> bool:
+        """Whether every sample's packet is delivered at that sample, and no other."""
+        ...
+
+    @property
+    def memory(self) -> int:
+        """The most samples from what a packet carries to its delivery."""
+        ...
+
+    def deliver(self, sample: int, position: float, velocity: float) -> list[Packet]:
+        """Return the packets delivered at a sample, at which the sender moves so; asked in turn."""
+        ...
+
+
+class ChannelSource:
+    """The packets of a channel, whose sender may move as it likes.
+
+    Parameters
+    ----------
+    channel : Channel
+        Asked for a block at a time, and held to what it promises.
+    samples : int
+        Of the run.
+    """
+
+    def __init__(self, channel: Channel, samples: int) -> None:
+        self.prompt, *_ = promise = promise_of(channel)
+        self.memory = promise.memory
+        self._packets = packets_by_sample(channel, samples)
+
+    def deliver(self, _sample: int, _position: float, _velocity: float) -> list[Packet]:
+        """Return the packets delivered at the next sample."""
+        return next(self._packets, [])
+
+
 def packets_by_sample(channel: Channel, samples: int) -> Iterator[list[Packet]]:
     """Yield the packets delivered at each sample of a run, from 0 on.
 

@@ -1,9 +1,14 @@
-"""Falling back to a longer headway while nothing is received, and coming back."""
+"""Falling back to a law that needs no V2V while nothing is received, and coming back."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from enum import IntEnum
+
+from cacc_platoon.model.control import Gains
+
+MARGIN = 0.1
+"""By how much, in proportion, the fallback headway is above ``2 tau_0`` where none is given."""
 
 
 class ReceptionState(IntEnum):
@@ -15,61 +20,72 @@ class ReceptionState(IntEnum):
     RECOVERING = 3
 
 
-class FallbackReception:
-    """Holds the newest value; in a silence it fades it out and opens a longer headway, by a blend.
+def gains_without_v2v(tau_max: float, time_headway: float) -> Gains:
+    """Return gains that need no V2V and are string stable for every lag up to `tau_max`.
 
-    After `patience` samples without a new packet the received acceleration is faded out and the
-    headway goes to its fallback, each in equal steps within `blend` samples; both come back as
-    slowly once there was no such silence for `trust` samples. So from one sample to the next the
-    blend changes the command by at most ``(k_a |a| + k_p v |h_f - h_w|)/blend``, of the held
-    acceleration ``a`` and the speed ``v``.
+    With ``k_a = 0`` and ``k_v + k_p h = 1/(2 tau_0)`` the conditions of the exact test are
+    ``k_p h^2 <= 2 m`` for a headway ``h = 2 (1 + m) tau_0``; the gain is half of that.
+
+    Parameters
+    ----------
+    tau_max : float
+        Largest actuation lag ``tau_0`` [s].
+    time_headway : float
+        Time headway [s], above ``2 tau_0``.
+
+    Examples
+    --------
+    >>> [round(gain, 6) for gain in gains_without_v2v(0.5, 1.1)]
+    [1.1, 0.0, 0.909091, 0.082645]
+    """
+    margin = time_headway / (2.0 * tau_max) - 1.0
+    k_p = margin / time_headway**2
+    return Gains(time_headway, 0.0, 0.5 / tau_max - k_p * time_headway, k_p)
+
+
+class FallbackReception:
+    """Holds the newest value, and says how much of the command it is trusted with.
+
+    The command is ``share u + (1 - share) u_f`` of the control law and of one without V2V. After
+    `patience` samples without a new packet the share falls from 1 to 0 in `blend` equal steps;
+    it rises as slowly once there was no such silence for `trust` samples. So from one sample to the
+    next the blend changes the command by at most ``|u - u_f|/blend``.
 
     Parameters
     ----------
     patience, blend, trust : int
         Samples, >= 1.
-    time_headway, fallback_headway : float
-        ``h_w`` and ``h_f`` [s].
 
     Attributes
     ----------
     state : ReceptionState
         Of the last sample.
-    headway : float or None
-        Time headway to keep at it [s]; None for that of the gains.
+    share : float
+        Of the control law at it, 0 to 1.
 
     Examples
     --------
-    >>> reception = FallbackReception(2, 2, 1, time_headway=0.95, fallback_headway=1.05)
+    >>> reception = FallbackReception(patience=2, blend=2, trust=1)
     >>> for delivered in ([(0, 1.0)], [], [], [], [(4, 2.0)], []):
-    ...     print(reception.use(delivered), reception.headway, reception.state.name)
-    1.0 None NORMAL
-    1.0 None NORMAL
-    0.5 1.0 DEGRADING
-    0.0 1.05 FALLBACK
-    1.0 1.0 RECOVERING
-    2.0 None NORMAL
+    ...     print(reception.use(delivered), reception.share, reception.state.name)
+    1.0 1.0 NORMAL
+    1.0 1.0 NORMAL
+    1.0 0.5 DEGRADING
+    1.0 0.0 FALLBACK
+    2.0 0.5 RECOVERING
+    2.0 1.0 NORMAL
     """
 
-    def __init__(
-        self,
-        patience: int,
-        blend: int,
-        trust: int,
-        *,
-        time_headway: float,
-        fallback_headway: float,
-    ) -> None:
+    def __init__(self, patience: int, blend: int, trust: int) -> None:
         self._patience, self._blend, self._trust = patience, blend, trust
-        self._headway, self._longer = time_headway, fallback_headway - time_headway
         self._source, self._value = -1, 0.0
         self._silent = self._heard = 0
         self._level = blend
         self.state = ReceptionState.NORMAL
-        self.headway: float | None = None
+        self.share = 1.0
 
     def use(self, delivered: Iterable[tuple[int, float]]) -> float:
-        """Return the acceleration [m/s^2] to use at the next sample, faded as it may be."""
+        """Return the newest value that has arrived [m/s^2], 0 before the first."""
         self._silent += 1
         for source, value in delivered:
             if source > self._source:
@@ -77,12 +93,8 @@ class FallbackReception:
         silence = self._silent >= self._patience
         self._heard = 0 if silence else self._heard + 1
         self._turn(silence)
-        if self._level == self._blend:
-            self.headway = None
-            return self._value
-        share = self._level / self._blend
-        self.headway = self._headway + (1.0 - share) * self._longer
-        return share * self._value
+        self.share = self._level / self._blend
+        return self._value
 
     def _turn(self, silence: bool) -> None:
         """Go on from one state to the next, and a step along the blend."""

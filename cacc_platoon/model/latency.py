@@ -59,7 +59,7 @@ class RandomLatency:
     >>> late.mean_delay, late.longest_delay
     (0.75, 2)
     >>> sorted(ComposedChannel([late]).delivery(0, 5).source.tolist())
-    [0, 1, 2, 3]
+    [0, 1, 2, 4]
     """
 
     prompt = False

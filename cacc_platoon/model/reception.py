@@ -6,7 +6,7 @@ Of several packets the one of the newest source sample counts; one that was over
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Protocol, TypeVar
+from typing import Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +17,11 @@ Number = TypeVar("Number", np.float64, np.int64)
 
 
 class Reception(Protocol):
-    """The receiver of one link, sample by sample and over a whole run."""
+    """The receiver of one link, sample by sample.
+
+    One that trusts what it holds only in part says so by its attribute `share`: so much of the
+    command is the control law's, the rest that of a law without V2V (`FallbackReception`).
+    """
 
     def use(self, delivered: Iterable[tuple[int, float]]) -> float:
         """Return the acceleration [m/s^2] to use at the next sample.
@@ -28,6 +32,11 @@ class Reception(Protocol):
             Source sample and received acceleration of each packet delivered at it, in order.
         """
         ...
+
+
+@runtime_checkable
+class ChoosingReception(Reception, Protocol):
+    """A receiver that uses one packet or none, so that it can be told of a whole run at once."""
 
     def chosen(self, delivery: Delivery, samples: int) -> Integers:
         """Return which packet is used at each sample from 0 on, -1 for none, shape (samples,)."""

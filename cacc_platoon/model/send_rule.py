@@ -99,8 +99,7 @@ class TriggeredChannel:
 
     def __init__(self, rule: SendRule, channel: ComposedChannel) -> None:
         self._rule, self._channel = rule, channel
-        self.longest_delay = channel.longest_delay
-        self.oldest_content = channel.oldest_content
+        self.memory = channel.longest_delay + channel.oldest_content
         self._number = 0
         self._due: defaultdict[int, list[Packet]] = defaultdict(list)
 

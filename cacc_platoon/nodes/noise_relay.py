@@ -37,3 +37,6 @@ class NoiseRelayNode(PlatoonNode):
             )
             sender = VehicleTopics(self.scenario.platoon.namespace, link.sender)
             self.follow_stream(sender.accel, stepper.take)
+            if follower.triggered:
+                self.follow_stream(sender.pose, stepper.take_position)
+                self.follow_stream(sender.twist, stepper.take_velocity)

@@ -45,6 +45,9 @@ class VehicleNode(PlatoonNode):
             follower,
             self.create_motion_stream(),
             publish_command if command or error else None,
+            publish_reception=self.create_stream(self.topics.reception)
+            if follower.fallback_law()
+            else None,
             law=law(follower) if law else None,
             initial=initial,
         )

@@ -118,7 +118,7 @@ def what_if(
     seen = len(ahead)
 
     def judge(parameters: Scenario, motion: Sequence[Floats]) -> tuple[Motion, Floats]:
-        position, velocity, acceleration = motion
+        position, velocity, acceleration = motion[:3]
         law = parameters.follower(record.index).spacing_policy()
         error = law.spacing_error(position[:seen], velocity[:seen], ahead)
         gap = ahead - position[:seen]

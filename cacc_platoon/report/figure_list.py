@@ -123,6 +123,13 @@ def _channel_pictures(report: Report) -> Iterator[Picture]:
             "How long ago the newest packet that had arrived was sent.",
             lambda axes: channel.plot_age(axes, run, follower),
         )
+    if run.share is not None:
+        yield Picture(
+            "reception",
+            "States of reception",
+            "Who drives by the control law, and who falls back to one without V2V.",
+            lambda axes: channel.plot_reception(axes, run),
+        )
 
 
 def _design_pictures(report: Report) -> Iterator[Picture]:

@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cacc_platoon.formats import Format
+from cacc_platoon.model import ReceptionState
 from cacc_platoon.runs.folder import versions
 
 if TYPE_CHECKING:
     from cacc_platoon.analysis.age import LinkReception
     from cacc_platoon.analysis.analyse import Report
     from cacc_platoon.analysis.consistency import Consistency
+    from cacc_platoon.analysis.fallback import FallbackUse
     from cacc_platoon.analysis.follower_verdict import FollowerVerdict
     from cacc_platoon.analysis.metrics import Metrics
     from cacc_platoon.analysis.noise import LinkNoise
@@ -122,6 +124,7 @@ def _metrics(metrics: Metrics) -> dict[str, Any]:
         "sure_min_gap": _smallest(metrics.sure_min_gap),
         "first_collision": {"follower": collided[0], "time": collided[1]} if collided else None,
         **_reception(metrics.reception),
+        "fallback": [_fallback(one) for one in metrics.fallback],
     }
 
 
@@ -148,6 +151,17 @@ def _link_reception(link: LinkReception) -> dict[str, Any]:
         "loss": link.loss,
         "loss_probability": link.loss_probability,
         "age": {"median": link.age_median, "p99": link.age_p99, "max": link.age_max},
+    }
+
+
+def _fallback(one: FallbackUse) -> dict[str, Any]:
+    shares = zip(ReceptionState, one.shares, strict=True)
+    return {
+        "follower": one.follower,
+        "shares": {state.name.lower(): share for state, share in shares},
+        "begin": one.begin,
+        "end": one.end,
+        "turns": one.turns,
     }
 
 

@@ -12,6 +12,7 @@ from cacc_platoon.report.figure_list import pictures
 from cacc_platoon.report.html_page import draw_figures, html_page
 from cacc_platoon.report.tables import (
     fact_table,
+    fallback_table,
     follower_table,
     noise_table,
     reception_table,
@@ -61,6 +62,8 @@ def _numbers(report: Report, metrics: dict[str, Any]) -> Iterator[str]:
     yield f"<h2>Noise per link</h2>{noise_table(metrics)}"
     if any(follower.counted for follower in report.run.trajectory.scenario.followers):
         yield f"<h2>Packets per link</h2>{reception_table(metrics)}"
+    if report.measured.fallback:
+        yield f"<h2>States of reception</h2>{fallback_table(metrics)}"
     yield f"<h2>Scenario</h2>{scenario_table(report.run.trajectory.scenario)}"
     yield "<h2>Provenance</h2>"
     yield fact_table(

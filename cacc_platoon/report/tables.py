@@ -64,6 +64,15 @@ RECEPTION_COLUMNS = (
     Column("99 %", "s", "age.p99", ".4f"),
     Column("at most", "s", "age.max", ".4f"),
 )
+FALLBACK_COLUMNS = (
+    Column("normal", "-", "shares.normal", ".4f"),
+    Column("degrading", "-", "shares.degrading", ".4f"),
+    Column("fallback", "-", "shares.fallback", ".4f"),
+    Column("recovering", "-", "shares.recovering", ".4f"),
+    Column("first", "s", "begin", "g"),
+    Column("last", "s", "end", "g"),
+    Column("times", "-", "turns", "d"),
+)
 
 
 def look_up(document: Any, key: str) -> Any:
@@ -105,6 +114,17 @@ def noise_table(document: dict[str, Any]) -> str:
 def reception_table(document: dict[str, Any]) -> str:
     """Return packet loss and age of information, one row per link."""
     return _link_table(document, "reception", RECEPTION_COLUMNS)
+
+
+def fallback_table(document: dict[str, Any]) -> str:
+    """Return the shares of time in each state of reception, one row per vehicle."""
+    rows = []
+    for number, one in enumerate(document["fallback"]):
+        cells = [f"<td>{one['follower']}</td>"]
+        cells += [cell(document, f"fallback.{number}.{c.key}", c.form) for c in FALLBACK_COLUMNS]
+        rows.append("".join(cells))
+    headings = (_heading(c.heading, c.unit) for c in FALLBACK_COLUMNS)
+    return _table([_heading("follower"), *headings], rows)
 
 
 def _link_table(document: dict[str, Any], links: str, columns: Sequence[Column]) -> str:

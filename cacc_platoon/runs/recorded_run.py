@@ -31,6 +31,7 @@ from cacc_platoon.runs.recorded_scenario import (
 from cacc_platoon.runs.sample_grid import Fault, Grid, group, lay_grid, sample
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.simulation import Arrivals, Trajectory
+from cacc_platoon.simulation.trajectory import law_shares
 from msg_adapters.topics import Graph, Role, Topic
 
 _NAMED_TOPICS = 3
@@ -351,11 +352,13 @@ def _trajectory(
         return np.stack(own, axis=1)
 
     received = stack("received")
-    receivers = scenario.receivers
+    receivers, shares = scenario.receivers, {}
     for column, receiver in enumerate(receivers):
         if receiver.link in arrivals:
             arrived = arrivals[receiver.link]
-            received[:, column] = arrived.used(receiver.reception(), len(received))
+            received[:, column], share, _ = arrived.history(receiver.reception(), len(received))
+            if share is not None:
+                shares[column] = share
             if np.isnan(columns[Role("pose", receiver.index)][:1]).any():
                 first = int(min(arrived.sample, default=len(received)))
                 received[:first, column] = np.nan  # what it held from before is not recorded
@@ -370,7 +373,7 @@ def _trajectory(
             arrivals.get(receiver.link) or prompt_arrivals(received[:, column])
             for column, receiver in enumerate(receivers)
         )
-    return Trajectory(scenario, *states, received, links)
+    return Trajectory(scenario, *states, received, links, law_shares(scenario, shares))
 
 
 class _Rows(Mapping[str, TopicRows]):

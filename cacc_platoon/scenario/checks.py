@@ -202,7 +202,14 @@ def check_follower(follower: Follower, step: float, source: str) -> None:
         )
     check_plugin(v2v.channel, TABLE["v2v.channel"], source)
     check_plugin(follower.law_name, TABLE["controller.law"], source)
-    for name in ("hold", "period"):
+    if follower.triggered and v2v.period:
+        raise TABLE["v2v.period"].refusal(
+            v2v.period, source, "must be 0 where v2v.send_rule is cam, which has times of its own"
+        )
+    if 0.0 < v2v.fallback_headway <= 2.0 * follower.tau_max:
+        rule = f"must be above 2 vehicle.tau_max = {2.0 * follower.tau_max:g} s, or 0"
+        raise TABLE["v2v.fallback_headway"].refusal(v2v.fallback_headway, source, rule)
+    for name in ("hold", "period", *(("cam_check",) if follower.triggered else ())):
         value = getattr(v2v, name)
         if value and not _is_multiple(value, step):
             raise TABLE[f"v2v.{name}"].refusal(value, source, f"must be a multiple of {step:g} s")
@@ -234,6 +241,8 @@ def _check_false_data(texts: Iterable[str], step: float, source: str) -> None:
 def _check_phase(v2v: V2V, step: float, source: str) -> None:
     """Refuse a phase that is no control instant of the first period."""
     phase, period = v2v.phase, v2v.period or step
+    if v2v.send_rule == "cam":
+        period = v2v.cam_check
     if isinstance(phase, str):
         return
     if phase >= period or (phase and not _is_multiple(phase, step)):

@@ -10,13 +10,16 @@ from cacc_platoon.model import (
     BitNoise,
     Blackouts,
     BurstLoss,
+    CamRule,
     Channel,
+    ChannelSource,
     ComposedChannel,
     ConstantLatency,
     ConstantNoise,
     ConstantTimeHeadway,
     ContentNoise,
     ControlLaw,
+    FallbackReception,
     FalseData,
     Forgery,
     Gains,
@@ -27,15 +30,19 @@ from cacc_platoon.model import (
     Lattice,
     Link,
     Noise,
+    PacketSource,
     RandomLatency,
     Reception,
     SendTimes,
     ThirdOrderPlant,
+    TriggeredChannel,
     ZeroReception,
     expected_factor,
 )
+from cacc_platoon.model.fallback import MARGIN, gains_without_v2v
 from cacc_platoon.model.keyed_random import PHASE, keyed_uniform
 from cacc_platoon.model.latency import gamma_delay, uniform_delay
+from cacc_platoon.model.send_rule import MOST_TIME
 from cacc_platoon.scenario.false_data import forgery
 from cacc_platoon.scenario.plugin import make_plugin
 from cacc_platoon.scenario.table import TABLE, V2V
@@ -107,14 +114,18 @@ class Follower:
     def send_times(self) -> SendTimes:
         """At which samples its sender sends a packet."""
         interval = max(1, round(self.v2v.period / self.step))
+        return SendTimes(interval, self._phase(interval))
+
+    def _phase(self, interval: int) -> int:
+        """Return the first sample of those that are `interval` apart."""
         match self.v2v.phase:
             case "aligned":
-                return SendTimes(interval)
+                return 0
             case "random":
                 drawn = keyed_uniform(self.seed, self.link.key, PHASE)(0, 1)[0]
-                return SendTimes(interval, int(drawn * interval))
+                return int(drawn * interval)
             case float(seconds):
-                return SendTimes(interval, round(seconds / self.step))
+                return round(seconds / self.step)
             case other:
                 raise ValueError(f"v2v.phase = {other} has no branch here")
 
@@ -171,7 +182,7 @@ class Follower:
         ends = [math.ceil(time / self.step - WHOLE) for time in self.v2v.blackouts]
         return list(zip(ends[::2], ends[1::2], strict=True))
 
-    def timing(self) -> Channel:
+    def timing(self) -> ComposedChannel:
         """Return when the packets of the link come, in the mean, and what false data they carry."""
         late = ConstantLatency(self.latency_steps)
         return ComposedChannel([*self._false_data(), late], self.send_times)
@@ -211,12 +222,24 @@ class Follower:
         return Lattice(self.v2v.quantum, self.v2v.saturation)
 
     def channel(self, noise: str | None = None) -> Channel:
-        """Return the channel of the link; v2v.channel may name another one."""
+        """Return the channel of the link; v2v.channel may name another one.
+
+        Raises
+        ------
+        ValueError
+            Where its sender sends as it moves: what arrives is known of `triggered_channel` alone.
+        """
+        if self.triggered:
+            raise ValueError("the packets of this link follow the motion of its sender")
         if self.v2v.channel:
             members = ("prompt", "longest_delay", "delivery")
             made: Channel = make_plugin(self.v2v.channel, "v2v.channel", self, members)
             return made
         return self._composed(noise)
+
+    def triggered_channel(self, noise: str | None = None) -> TriggeredChannel:
+        """Return the channel of the link from its first packet on, sent as the sender moves."""
+        return TriggeredChannel(self.send_rule(), self._composed(noise))
 
     def _composed(self, noise: str | None = None) -> ComposedChannel:
         v2v, key = self.v2v, self.link.key
@@ -241,7 +264,38 @@ class Follower:
     @property
     def counted(self) -> bool:
         """Whether its channel may lose or delay packets, so that its relay counts them."""
-        return bool(self.v2v.channel) or not self._composed().prompt
+        return bool(self.v2v.channel) or self.triggered or not self._composed().prompt
+
+    @property
+    def _longest_interval(self) -> int:
+        """The most samples from packet to packet."""
+        if self.triggered:
+            return round(MOST_TIME / self.step)
+        return self.send_times.interval
+
+    @property
+    def triggered(self) -> bool:
+        """Whether its sender sends as it moves."""
+        return self.v2v.send_rule == "cam" and not self.v2v.channel
+
+    def send_rule(self) -> CamRule:
+        """Return when its sender sends, where that is as it moves."""
+        check = max(1, round(self.v2v.cam_check / self.step))
+        return CamRule(self.step, check, self._phase(check))
+
+    @property
+    def holds(self) -> bool:
+        """Whether it uses the last packet while others are lost."""
+        return self.v2v.reception != "zero"
+
+    def fallback_law(self) -> ConstantTimeHeadway | None:
+        """Return the law that needs no V2V, where the vehicle falls back to one."""
+        if self.v2v.reception != "fallback":
+            return None
+        headway = self.v2v.fallback_headway or 2.0 * (1.0 + MARGIN) * self.tau_max
+        return ConstantTimeHeadway(
+            gains_without_v2v(self.tau_max, headway), self.standstill_distance
+        )
 
     def reception(self) -> Reception:
         """Return what the vehicle makes of the packets that arrive."""
@@ -249,6 +303,27 @@ class Follower:
             case "hold":
                 return HoldReception()
             case "zero":
-                return ZeroReception(self.send_times.interval)
+                return ZeroReception(self._longest_interval)
+            case "fallback":
+                times = self.v2v.fallback_after, self.v2v.fallback_blend, self.v2v.fallback_return
+                return FallbackReception(*(max(1, round(time / self.step)) for time in times))
             case other:
                 raise ValueError(f"v2v.reception = {other} has no branch here")
+
+
+def packet_source(
+    follower: Follower,
+    samples: int,
+    channel: Channel | None = None,
+    noise: str | None = None,
+) -> PacketSource:
+    """Return the packets of a link from its first one on, of another channel where one is given.
+
+    Raises
+    ------
+    ChannelError
+        When a channel, which may be anybody's, says nothing sensible of itself.
+    """
+    if channel is None and follower.triggered:
+        return follower.triggered_channel(noise)
+    return ChannelSource(channel or follower.channel(noise), samples)

@@ -125,6 +125,19 @@ class V2V:
         at_least=0.0,
         at_most=1e6,
     )
+    send_rule: str = parameter(
+        "periodic",
+        "-",
+        "when packets are sent: every v2v.period, or as the sender moves (cam, ETSI EN 302 637-2)",
+        choices=("periodic", "cam"),
+    )
+    cam_check: float = parameter(
+        0.1,
+        "s",
+        "how often cam looks at the motion, a multiple of the control period",
+        above=0.0,
+        at_most=1.0,
+    )
     period: float = parameter(
         0.0,
         "s",
@@ -211,8 +224,29 @@ class V2V:
     reception: str = parameter(
         "hold",
         "-",
-        "what a follower uses while packets are lost: the newest value, or zero once one is due",
-        choices=("hold", "zero"),
+        "what a follower uses while packets are lost: the newest value (hold), zero once one is "
+        "due, or after a silence a law that needs no V2V (fallback)",
+        choices=("hold", "zero", "fallback"),
+    )
+    fallback_after: float = parameter(
+        0.5,
+        "s",
+        "the silence after which fallback begins",
+        above=0.0,
+        at_most=1e3,
+    )
+    fallback_blend: float = parameter(
+        1.0, "s", "how long fallback takes to blend in, and out", above=0.0, at_most=1e3
+    )
+    fallback_return: float = parameter(
+        1.0,
+        "s",
+        "how long packets must come without such a silence before it blends out",
+        above=0.0,
+        at_most=1e3,
+    )
+    fallback_headway: float = parameter(
+        0.0, "s", "the time headway without V2V, above 2 tau0; 0 for 2.2 tau0", at_least=0.0
     )
     channel: str = parameter("", "-", "a custom channel, module:Class, in place of the others")
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from cacc_platoon.scenario import Follower, Scenario
 from cacc_platoon.simulation.draws import draws_are_fresh, squared_ranges
-from cacc_platoon.simulation.links import MeanLinks
+from cacc_platoon.simulation.mean_links import MeanLinks
 from cacc_platoon.simulation.monte_carlo import Ensemble
 from cacc_platoon.simulation.platoon import propagate
 from cacc_platoon.simulation.trajectory import Array, Trajectory
@@ -60,13 +60,18 @@ class _PulsedLinks:
     def __init__(self, scenario: Scenario) -> None:
         self._mean, count = MeanLinks(scenario), len(scenario.receivers)
         self._extra = np.eye(count + 1, count)  # the last run has none
-        self._kept = np.array(
-            [f.v2v.loss if f.v2v.reception == "hold" else 0.0 for f in scenario.receivers]
-        )
+        self._kept = np.array([f.v2v.loss if f.holds else 0.0 for f in scenario.receivers])
 
-    def received(self, sample: int, acceleration: Array) -> Array:
+    @property
+    def share(self) -> None:
+        """Nobody falls back where draws are fresh."""
+
+    def arrivals(self, _run: int, _motion: Array) -> None:
+        """Return nothing: in the mean there is no packet."""
+
+    def received(self, sample: int, motion: Array) -> Array:
         """Return what is used of every link."""
-        used: Array = self._mean.received(sample, acceleration) + self._extra
+        used: Array = self._mean.received(sample, motion) + self._extra
         self._extra = self._kept * self._extra
         return used
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cacc_platoon.scenario import Follower, Scenario
-from cacc_platoon.simulation.links import mean_factor
+from cacc_platoon.simulation.mean_links import mean_factor
 from cacc_platoon.simulation.trajectory import Array
 
 
@@ -19,11 +19,12 @@ def draws_are_fresh(scenario: Scenario) -> bool:
     plain = all(
         follower.timing().prompt
         and not (follower.v2v.burst_begin or follower.v2v.blackouts or follower.v2v.jitter)
-        and not (follower.errs or follower.v2v.false_data)
+        and not (follower.errs or follower.v2v.false_data or follower.triggered)
+        and follower.v2v.reception != "fallback"
         for follower in scenario.receivers
     )
     return plain and not any(
-        follower.v2v.loss and follower.v2v.reception == "hold" and _drawn_for(follower) > 1
+        follower.v2v.loss and follower.holds and _drawn_for(follower) > 1
         for follower in scenario.followers
     )
 
@@ -53,7 +54,7 @@ def squared_ranges(scenario: Scenario, sent: Array, received: Array) -> Array:
     followers = scenario.receivers
     low, high = np.array([_factors(follower) for follower in followers]).T
     loses = np.array([follower.v2v.loss > 0.0 for follower in followers])
-    holds = np.array([follower.v2v.reception == "hold" for follower in followers])
+    holds = np.array([follower.holds for follower in followers])
     before = np.zeros_like(received)
     before[1:] = received[:-1]
     other = np.where(loses, np.where(holds, before, 0.0), low * sent)

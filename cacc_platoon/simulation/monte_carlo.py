@@ -8,8 +8,7 @@ import numpy as np
 
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.simulation.draws import squared_ranges
-from cacc_platoon.simulation.links import links_of, plan_links
-from cacc_platoon.simulation.platoon import Progress, propagate, used_of
+from cacc_platoon.simulation.platoon import Progress, links_of_runs, propagate, used_of
 from cacc_platoon.simulation.trajectory import Array, Trajectory
 
 BATCH_VALUES = 2_000_000
@@ -76,10 +75,11 @@ def _batch(scenario: Scenario, seeds: range) -> tuple[Array, Array]:
     """Return the spacing errors of a batch, (samples, len(seeds), N), and its squared ranges."""
     first = scenario.run.seed
     members = [scenario.with_values({"run.seed": first + offset}) for offset in seeds]
-    links = links_of(scenario, [plan_links(one) for one in members])
+    links = links_of_runs(members)
     states = propagate(scenario, links, runs=len(seeds))
     sent = states[2][:, :, scenario.topology.senders]
-    widths = squared_ranges(scenario, sent, used_of(links, states[2]))
+    used, _ = used_of(links, states)
+    widths = squared_ranges(scenario, sent, used)
     position, velocity, acceleration = (part.reshape(-1, part.shape[-1]) for part in states)
     trajectory = Trajectory(scenario, position, velocity, acceleration, received=np.empty((0, 0)))
     errors = trajectory.spacing_error.reshape(-1, len(seeds), scenario.platoon.followers)

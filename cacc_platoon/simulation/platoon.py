@@ -3,28 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 
 from cacc_platoon.errors import UserError
 from cacc_platoon.model import (
+    Channel,
     ConstantTimeHeadway,
     ControlLaw,
     Gains,
+    PacketSource,
     State,
     ThirdOrderPlant,
     sample_profile,
 )
 from cacc_platoon.scenario import Follower, Scenario
+from cacc_platoon.scenario.follower import packet_source
 from cacc_platoon.simulation.links import (
     ChannelFactory,
     Links,
-    MeanLinks,
-    PromptLinks,
+    delivery_of,
     links_of,
     plan_links,
+    planned,
 )
-from cacc_platoon.simulation.trajectory import Array, Trajectory
+from cacc_platoon.simulation.mean_links import MeanLinks
+from cacc_platoon.simulation.stepped_links import LinkOfRun, SteppedLinks, followed
+from cacc_platoon.simulation.trajectory import Array, Arrivals, Trajectory
 
 Progress = Callable[[int, int], None]
 LawFactory = Callable[[Follower], ControlLaw]
@@ -73,17 +79,38 @@ def simulate(
     >>> float(run.platoon_length[0])
     345.0
     """
-    plans = plan_links(scenario, noise, channel)
-    links = links_of(scenario, [plans])
+    links = links_of_runs([scenario], noise, channel)
     states = propagate(scenario, links, progress, law=law)
+    used, share = used_of(links, states)
     position, velocity, acceleration = (np.ascontiguousarray(part[:, 0]) for part in states)
-    arrivals = None
-    if not isinstance(links, PromptLinks):
-        sent = zip(plans, scenario.topology.senders, strict=True)
-        arrivals = tuple(plan.arrivals(acceleration[:, sender]) for plan, sender in sent)
     return Trajectory(
-        scenario, position, velocity, acceleration, used_of(links, states[2])[:, 0], arrivals
+        scenario,
+        position,
+        velocity,
+        acceleration,
+        used[:, 0],
+        links.arrivals(0, states),
+        None if share is None else share[:, 0],
     )
+
+
+def links_of_runs(
+    runs: Sequence[Scenario], noise: str | None = None, channel: ChannelFactory | None = None
+) -> Links:
+    """Return the links of several runs of one platoon, which differ in their seeds."""
+    topology, samples = runs[0].topology, runs[0].samples
+
+    def given(follower: Follower) -> Channel | None:
+        return channel(follower) if channel else None
+
+    if all(planned(one, given(one)) for one in runs[0].receivers):
+        return links_of(topology.senders, [plan_links(run, noise, channel) for run in runs])
+
+    def packets(follower: Follower) -> Callable[[], PacketSource]:
+        return lambda: packet_source(follower, samples, given(follower), noise)
+
+    links = [[LinkOfRun(one, packets(one)) for one in run.receivers] for run in runs]
+    return SteppedLinks(links, topology.senders, topology.columns)
 
 
 def simulate_mean(scenario: Scenario) -> Trajectory:
@@ -100,15 +127,33 @@ def simulate_mean(scenario: Scenario) -> Trajectory:
     """
     links = MeanLinks(scenario)
     states = propagate(scenario, links, law=Follower.spacing_policy)  # no code of the user's
+    used, share = used_of(links, states)
     position, velocity, acceleration = (np.ascontiguousarray(part[:, 0]) for part in states)
-    received = used_of(MeanLinks(scenario), states[2])[:, 0]
-    return Trajectory(scenario, position, velocity, acceleration, received)
+    return Trajectory(
+        scenario,
+        position,
+        velocity,
+        acceleration,
+        used[:, 0],
+        share=None if share is None else share[:, 0],
+    )
 
 
 @np.errstate(all="ignore")
-def used_of(links: Links, acceleration: Array) -> Array:
-    """Return what was used of every link at every sample, shape (samples, runs, L)."""
-    return np.stack([links.received(k, acceleration) for k in range(len(acceleration))])
+def used_of(links: Links, motion: Array) -> tuple[Array, Array | None]:
+    """Return what is used of every link at every sample, (samples, runs, L), and shares of laws.
+
+    The latter, (samples, runs, N), are None where nobody falls back.
+    """
+    used, shares = [], []
+    for k in range(motion.shape[1]):
+        used.append(links.received(k, motion))
+        shares.append(links.share)
+    if all(share is None for share in shares):
+        return np.stack(used), None
+    whole = np.ones((1, motion.shape[3] - 1))
+    filled = [whole if share is None else share for share in shares]
+    return np.stack(used), np.stack(np.broadcast_arrays(*filled))
 
 
 @np.errstate(all="ignore")  # an unstable platoon overflows, and that is its result
@@ -119,7 +164,7 @@ def propagate(
     *,
     runs: int = 1,
     law: LawFactory | None = None,
-) -> tuple[Array, Array, Array]:
+) -> Array:
     """Integrate many runs of one platoon that differ in their links.
 
     Parameters
@@ -133,12 +178,12 @@ def propagate(
 
     Returns
     -------
-    tuple of three ndarray, shape (samples, runs, N + 1)
+    ndarray, shape (3, samples, runs, N + 1)
         Position [m], velocity [m/s] and acceleration [m/s^2].
     """
     samples, followers = scenario.samples, scenario.followers
     plant = ThirdOrderPlant(np.array([follower.tau for follower in followers]), scenario.run.step)
-    command = _command(scenario, law)
+    command, alone = _command(scenario, law), law_without_v2v(followers).command
     history = np.empty((3, samples, runs, len(followers) + 1))
     history[:, :, :, 0] = sample_profile(scenario.leader_profile(), scenario.run.step, samples)[
         :, :, np.newaxis
@@ -148,20 +193,40 @@ def propagate(
     history[2, 0, :, 1:] = 0.0
     for k in range(samples - 1):
         position, velocity, acceleration = history[:, k]
-        u = command(
-            position[:, 1:],
-            velocity[:, 1:],
-            position[:, :-1],
-            velocity[:, :-1],
-            links.received(k, history[2]),
-        )
+        measured = position[:, 1:], velocity[:, 1:], position[:, :-1], velocity[:, :-1]
+        u = command(*measured, links.received(k, history))
+        if links.share is not None:
+            u = blended(u, alone(*measured, np.zeros(())), links.share)
         state = State(position[:, 1:], velocity[:, 1:], acceleration[:, 1:])
         history[0, k + 1, :, 1:], history[1, k + 1, :, 1:], history[2, k + 1, :, 1:] = (
             plant.advance(state, u)
         )
         if progress and k % 500 == 0:
             progress(k, samples)
-    return history[0], history[1], history[2]
+    return history
+
+
+def arrivals_of(receiver: Follower, motion: Array) -> Arrivals:
+    """Return what arrives over a link whose sender moves so, shape (3, samples)."""
+    samples = motion.shape[1]
+    if receiver.triggered:
+        return followed(LinkOfRun(receiver, partial(packet_source, receiver, samples)), motion)
+    delivery = delivery_of(receiver, samples, receiver.channel())
+    with np.errstate(all="ignore"):
+        values = delivery.values(motion[2])
+    return Arrivals(delivery.source, delivery.sample, values)
+
+
+def law_without_v2v(followers: Sequence[Follower]) -> ConstantTimeHeadway:
+    """Return what followers fall back to as one law of arrays, their own where they do not."""
+    laws = [one.fallback_law() or one.spacing_policy() for one in followers]
+    gains = Gains(*np.array([law.gains for law in laws]).T)
+    return ConstantTimeHeadway(gains, followers[0].standstill_distance)
+
+
+def blended(command: Array, alone: Array, share: Array) -> Array:
+    """Return ``share u + (1 - share) u_f`` where it is not all of the law, as nodes do."""
+    return np.where(share < 1.0, share * command + (1.0 - share) * alone, command)
 
 
 def _command(scenario: Scenario, law: LawFactory | None) -> Callable[..., Array]:

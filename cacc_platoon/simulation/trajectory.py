@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from cacc_platoon.model import Delivery, Reception
+from cacc_platoon.model import ChoosingReception, Delivery, Reception
 from cacc_platoon.model.reception import picked
 from cacc_platoon.scenario import Scenario
 
@@ -31,10 +33,38 @@ class Arrivals(NamedTuple):
     sample: npt.NDArray[np.int64]
     value: Array
 
-    def used(self, reception: Reception, samples: int) -> Array:
-        """Return the acceleration [m/s^2] that the receiver uses at each sample, (samples,)."""
-        chosen = reception.chosen(Delivery(*self), samples)
-        return picked(self.value, chosen, 0.0)
+    def history(self, reception: Reception, samples: int) -> ReceptionHistory:
+        """Return what the receiver makes of it at each sample."""
+        if isinstance(reception, ChoosingReception):
+            chosen = reception.chosen(Delivery(*self), samples)
+            return ReceptionHistory(picked(self.value, chosen, 0.0), None, None)
+        used, share = np.empty(samples), np.ones(samples)
+        state = np.zeros(samples, np.int64)
+        ends = np.searchsorted(self.sample, np.arange(samples + 1)).tolist()
+        packets = list(zip(self.source.tolist(), self.value.tolist(), strict=True))
+        for k, (begin, end) in enumerate(pairwise(ends)):
+            used[k] = reception.use(packets[begin:end])
+            share[k] = getattr(reception, "share", 1.0)
+            state[k] = getattr(reception, "state", 0)
+        return ReceptionHistory(used, share, state)
+
+
+class ReceptionHistory(NamedTuple):
+    """What the receiver of one link made of it; arrays of shape (samples,).
+
+    Attributes
+    ----------
+    used : ndarray
+        Acceleration [m/s^2] that was used.
+    share : ndarray or None
+        Of the control law in the command; None where it is always 1.
+    state : ndarray of int64 or None
+        `ReceptionState`; None where it is always normal.
+    """
+
+    used: Array
+    share: Array | None
+    state: npt.NDArray[np.int64] | None
 
 
 @dataclass(frozen=True)
@@ -54,6 +84,9 @@ class Trajectory:
     arrivals : tuple of Arrivals or None
         What arrived over each link, where packets may be lost or late; None where every sample's
         packet arrives at that sample.
+    share : ndarray or None, shape (samples, N)
+        Of the control law in each follower's command, the rest being that of its law without V2V;
+        None where nobody falls back.
     """
 
     scenario: Scenario
@@ -62,6 +95,7 @@ class Trajectory:
     acceleration: Array
     received: Array
     arrivals: tuple[Arrivals, ...] | None = None
+    share: Array | None = None
 
     @cached_property
     def arrived(self) -> Array:
@@ -72,6 +106,11 @@ class Trajectory:
         for column, (source, _, value) in enumerate(self.arrivals):
             arrived[source, column] = value
         return arrived
+
+    @property
+    def motion(self) -> tuple[Array, Array, Array]:
+        """Positions [m], velocities [m/s] and accelerations [m/s^2], each (samples, N + 1)."""
+        return self.position, self.velocity, self.acceleration
 
     @property
     def sent(self) -> Array:
@@ -110,3 +149,23 @@ class Trajectory:
     def platoon_length(self) -> Array:
         """x_0 - x_N [m], shape (samples,)."""
         return self.position[:, 0] - self.position[:, -1]
+
+
+def law_shares(scenario: Scenario, links: Mapping[int, Array]) -> Array | None:
+    """Return the share of each follower's law in its command, the least of its links.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        The run.
+    links : Mapping of int to ndarray, shape (samples,)
+        By link, in the order of the topology, those that have less than all at times.
+    """
+    if not links:
+        return None
+    share = np.ones((len(next(iter(links.values()))), len(scenario.topology.columns)))
+    for number, own in enumerate(scenario.topology.columns):
+        for column in range(own.start, own.stop):
+            if column in links:
+                share[:, number] = np.minimum(share[:, number], links[column])
+    return share

@@ -101,6 +101,24 @@ class CountedDeliveries(Generic[Message]):
         return found
 
 
+class Used(NamedTuple):
+    """What is used of links at one sample.
+
+    Attributes
+    ----------
+    accelerations : tuple of float
+        Of each link [m/s^2].
+    share : float
+        Of the control law in the command; the rest is that of a law without V2V.
+    state : int
+        `ReceptionState` of the nearest link.
+    """
+
+    accelerations: tuple[float, ...]
+    share: float = 1.0
+    state: int = 0
+
+
 class Inbox(Protocol):
     """The received accelerations to use at each sample, by stamp [ns]."""
 
@@ -116,17 +134,17 @@ class Inbox(Protocol):
         """Accept that the relay is done with a sample, and how many messages it has published."""
         ...
 
-    def pop(self, stamp: int) -> tuple[float, ...]:
-        """Return what to use at a sample, one value a link, and forget it."""
+    def pop(self, stamp: int) -> Used:
+        """Return what to use at a sample, and forget it."""
         ...
 
 
-class PromptInbox(dict[int, tuple[float, ...]]):
+class PromptInbox(dict[int, Used]):
     """For a channel that delivers every packet at the sample it was sent at."""
 
     def take(self, stamp: int, acceleration: float) -> None:
         """Accept a message, stamped with the sample it was sent at."""
-        self[stamp] = (acceleration,)
+        self[stamp] = Used((acceleration,))
 
     def count(self, stamp: int, count: int) -> None:
         """Accept what such a channel need not say."""
@@ -149,7 +167,7 @@ class CountedInbox:
         self._receiver = receiver
         self._reception, self._step = reception, step_ns
         self._deliveries: CountedDeliveries[tuple[int, float]] = CountedDeliveries()
-        self._ready: dict[int, tuple[float, ...]] = {}
+        self._ready: dict[int, Used] = {}
 
     def __contains__(self, stamp: object) -> bool:
         """Whether it is known what to use at a sample."""
@@ -165,7 +183,7 @@ class CountedInbox:
         self._deliveries.count(stamp, count)
         self._settle()
 
-    def pop(self, stamp: int) -> tuple[float, ...]:
+    def pop(self, stamp: int) -> Used:
         """Return what to use at a sample, and forget it."""
         return self._ready.pop(stamp)
 
@@ -177,7 +195,10 @@ class CountedInbox:
                     "sent: a message comes from another publisher; "
                     f"{doubtful_from(stamp // self._step)}"
                 )
-            self._ready[stamp] = (self._reception.use(packets),)
+            reception = self._reception
+            value = reception.use(packets)
+            share, state = getattr(reception, "share", 1.0), getattr(reception, "state", 0)
+            self._ready[stamp] = Used((value,), share, state)
 
 
 class JointInbox:
@@ -190,6 +211,8 @@ class JointInbox:
         """Whether it is known what to use of every link."""
         return all(stamp in inbox for inbox in self._inboxes)
 
-    def pop(self, stamp: int) -> tuple[float, ...]:
+    def pop(self, stamp: int) -> Used:
         """Return what to use of each link at a sample, and forget it."""
-        return tuple(value for inbox in self._inboxes for value in inbox.pop(stamp))
+        used = [inbox.pop(stamp) for inbox in self._inboxes]
+        values = tuple(value for one in used for value in one.accelerations)
+        return Used(values, min(one.share for one in used), used[0].state)

@@ -18,8 +18,9 @@ from cacc_platoon.model import (
     State,
     ThirdOrderPlant,
 )
-from cacc_platoon.model.channel import ChannelError, packets_by_sample, promise_of
+from cacc_platoon.model.channel import ChannelError
 from cacc_platoon.scenario import Follower, Scenario, ScenarioError
+from cacc_platoon.scenario.follower import packet_source
 from cacc_platoon.scenario.names import NodeKind, NodeName, vehicle_name
 from cacc_platoon.stepping.deliveries import (
     CountedInbox,
@@ -27,6 +28,7 @@ from cacc_platoon.stepping.deliveries import (
     JointInbox,
     LockstepError,
     PromptInbox,
+    Used,
     doubtful_from,
     lost_or_foreign,
     seconds,
@@ -34,6 +36,7 @@ from cacc_platoon.stepping.deliveries import (
 
 PublishState = Callable[[int, State[float]], None]
 PublishCommand = Callable[[int, float, float, float], None]
+PublishReception = Callable[[int, int, float], None]
 PublishAcceleration = Callable[[int, float], None]
 PublishCount = Callable[[int, int], None]
 
@@ -70,6 +73,8 @@ class LockstepFollower:
         Called with stamp [ns], u [m/s^2], delta [m] and e [m] for every step.
     law : ControlLaw, optional
         Replaces the constant time headway law.
+    publish_reception : callable, optional
+        Called with stamp [ns], state of the reception and share of the law for every step.
     initial : State, optional
         State at sample 0; by default in equilibrium behind the predecessor.
     """
@@ -82,6 +87,7 @@ class LockstepFollower:
         publish_command: PublishCommand | None = None,
         law: ControlLaw | None = None,
         *,
+        publish_reception: PublishReception | None = None,
         initial: State[float] | None = None,
     ) -> None:
         self._step_ns = scenario.step_ns
@@ -89,11 +95,13 @@ class LockstepFollower:
         self._plant: ThirdOrderPlant = follower.plant(scenario.run.step)
         self._spacing_policy = follower.spacing_policy()
         self._law: ControlLaw = law or follower.law()
+        self._fallback = follower.fallback_law()
         self._speed = scenario.platoon.initial_speed
         self._equilibrium_spacing = follower.standstill_distance + (
             follower.gains.time_headway * self._speed
         )
         self._publish_state, self._publish_command = publish_state, publish_command
+        self._publish_reception = publish_reception
         self._initial = initial
         self._state: State[float] | None = None
         self._stamp = 0
@@ -163,18 +171,24 @@ class LockstepFollower:
     def _advance(self) -> None:
         inbox = self._inbox
         while self._positions and self._velocities and self._stamp in inbox:
-            received = inbox.pop(self._stamp)
-            self._step(self._positions.popleft(), self._velocities.popleft(), received)
+            used = inbox.pop(self._stamp)
+            self._step(self._positions.popleft(), self._velocities.popleft(), used)
 
-    def _step(self, position: float, velocity: float, received: tuple[float, ...]) -> None:
+    def _step(self, position: float, velocity: float, used: Used) -> None:
         state = self._state
         assert state is not None
         stamp = self._stamp
         self._stamp = stamp + self._step_ns
+        received, share = used.accelerations, used.share
+        motion = state.position, state.velocity, position, velocity
+        if self._publish_reception:
+            self._publish_reception(stamp, used.state, share)
         try:
-            command = self._law.command(
-                state.position, state.velocity, position, velocity, *received
-            )
+            command = self._law.command(*motion, *received)
+            if share < 1.0:
+                assert self._fallback is not None
+                alone = self._fallback.command(*motion, 0.0)
+                command = share * command + (1.0 - share) * alone
             finite = math.isfinite(command)
         except (Exception, SystemExit) as error:  # a custom law may fail in any way
             raise LockstepError(
@@ -227,34 +241,48 @@ class LockstepRelay:
         channel: Channel | None = None,
     ) -> None:
         name = self._name = str(NodeName(NodeKind.NOISE_RELAY, follower.index))
-        channel = channel or follower.channel()
         try:
-            promise = promise_of(channel)
+            self._packets = packet_source(follower, scenario.samples, channel)
         except ChannelError as error:
             raise ScenarioError(f"{name}: its channel: {error}. Correct it.") from error
-        if not (promise.prompt or follower.counted):
+        if not (self._packets.prompt or follower.counted):
             raise ScenarioError(
                 f"{name}: its channel may lose or delay packets and the scenario does not say so: "
                 "receiver and recorder would wait for every packet. Set v2v.loss or v2v.channel."
             )
         self._step_ns = scenario.step_ns
-        self._sequence = Sequence(
-            f"{vehicle_name(follower.index)}: accel of {vehicle_name(follower.link.sender)}",
-            scenario.step_ns,
-        )
-        self._deliveries = packets_by_sample(channel, scenario.samples)
-        self._sent: deque[float] = deque(maxlen=min(promise.memory, scenario.samples) + 1)
+        sender = vehicle_name(follower.link.sender)
+        self._inputs = [
+            _Input(f"{vehicle_name(follower.index)}: {quantity} of {sender}", scenario.step_ns)
+            for quantity in (("accel", "pose", "twist") if follower.triggered else ("accel",))
+        ]
+        self._sent: deque[float] = deque(maxlen=min(self._packets.memory, scenario.samples) + 1)
         self._sample = self._count = 0
         self._publish, self._publish_count = publish, publish_count
 
     def take(self, stamp: int, acceleration: float) -> None:
         """Accept the predecessor's acceleration [m/s^2] and deliver what is due."""
-        self._sequence.take(stamp)
+        self._accept(0, stamp, acceleration)
+
+    def take_position(self, stamp: int, position: float) -> None:
+        """Accept the predecessor's position [m], where it sends as it moves."""
+        self._accept(1, stamp, position)
+
+    def take_velocity(self, stamp: int, velocity: float) -> None:
+        """Accept the predecessor's velocity [m/s], where it sends as it moves."""
+        self._accept(2, stamp, velocity)
+
+    def _accept(self, number: int, stamp: int, value: float) -> None:
+        self._inputs[number].take(stamp, value)
+        while all(one.waiting for one in self._inputs):
+            self._deliver(*(one.waiting.popleft() for one in self._inputs))
+
+    def _deliver(self, acceleration: float, position: float = 0.0, velocity: float = 0.0) -> None:
         sample, sent = self._sample, self._sent
         self._sample = sample + 1
         sent.append(acceleration)
         try:
-            packets = next(self._deliveries, [])
+            packets = self._packets.deliver(sample, position, velocity)
         except ChannelError as error:
             raise LockstepError(f"{self._name}: its channel: {error}") from error
         for packet in packets:
@@ -262,7 +290,20 @@ class LockstepRelay:
             self._publish(packet.source * self._step_ns, packet.value(carried))
         if self._publish_count:
             self._count += len(packets)
-            self._publish_count(stamp, self._count)
+            self._publish_count(sample * self._step_ns, self._count)
+
+
+class _Input:
+    """The values of one topic, in order."""
+
+    def __init__(self, what: str, step_ns: int) -> None:
+        self._sequence = Sequence(what, step_ns)
+        self.waiting: deque[float] = deque()
+
+    def take(self, stamp: int, value: float) -> None:
+        """Accept the next value or raise LockstepError."""
+        self._sequence.take(stamp)
+        self.waiting.append(value)
 
 
 class LockstepLeader:

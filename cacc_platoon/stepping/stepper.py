@@ -19,6 +19,7 @@ from cacc_platoon.stepping.lockstep import (
     PublishAcceleration,
     PublishCommand,
     PublishCount,
+    PublishReception,
     PublishState,
 )
 
@@ -56,6 +57,14 @@ class RelayStepper(Protocol):
         """Accept the predecessor's acceleration [m/s^2]."""
         ...
 
+    def take_position(self, stamp: int, position: float) -> None:
+        """Accept the predecessor's position [m], where it sends as it moves."""
+        ...
+
+    def take_velocity(self, stamp: int, velocity: float) -> None:
+        """Accept the predecessor's velocity [m/s], where it sends as it moves."""
+        ...
+
 
 class LeaderStepper(Protocol):
     """Vehicle 0: publishes its motion as far as it may."""
@@ -86,12 +95,19 @@ class Steppers:
         publish_state: PublishState,
         publish_command: PublishCommand | None = None,
         *,
+        publish_reception: PublishReception | None = None,
         law: ControlLaw | None = None,
         initial: State[float] | None = None,
     ) -> FollowerStepper:
         """Return the stepper of a follower; see `LockstepFollower`."""
         return LockstepFollower(
-            follower, self.scenario, publish_state, publish_command, law, initial=initial
+            follower,
+            self.scenario,
+            publish_state,
+            publish_command,
+            law,
+            publish_reception=publish_reception,
+            initial=initial,
         )
 
     def relay(

@@ -8,7 +8,7 @@ from cacc_platoon.scenario import Scenario
 from cacc_platoon.simulation import mean_agreement, monte_carlo, simulate, simulate_mean
 from cacc_platoon.simulation.agreement import pulse_responses
 from cacc_platoon.simulation.draws import squared_ranges
-from cacc_platoon.simulation.links import mean_factor
+from cacc_platoon.simulation.mean_links import mean_factor
 
 SMALL = {"platoon.followers": 3, "run.duration": 12.0, "leader.start": 0.0, "run.step": 0.02}
 CASES: dict[str, dict[str, object]] = {

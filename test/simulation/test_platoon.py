@@ -170,9 +170,9 @@ def test_the_continuous_system_is_approached_as_the_step_shrinks():
 
 def test_runs_in_a_batch_do_not_touch_each_other():
     plans = [plan_links(MIXED, noise) for noise in ("bits", "none")]
-    together = propagate(MIXED, links_of(MIXED, plans), runs=2)
+    together = propagate(MIXED, links_of(MIXED.topology.senders, plans), runs=2)
     for r in range(2):
-        alone = propagate(MIXED, links_of(MIXED, plans[r : r + 1]))
+        alone = propagate(MIXED, links_of(MIXED.topology.senders, plans[r : r + 1]))
         for whole, single in zip(together, alone, strict=True):
             np.testing.assert_array_equal(whole[:, r], single[:, 0])
 

@@ -1,0 +1,170 @@
+"""The mean of all links' random runs, sample by sample."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cacc_platoon.model import TriggeredChannel
+from cacc_platoon.model.packets import Integers, Packet
+from cacc_platoon.scenario import Follower, Scenario
+from cacc_platoon.simulation.trajectory import Array
+
+
+class MeanLinks:
+    """The mean of all links' random runs, which is a linear system.
+
+    The mean of w a is E[w] a. Where a packet that is due arrives with probability p, a receiver
+    that uses zero has p E[w] a in the mean until the next one is due, and one that holds has
+    r = p E[w] a + (1 - p) times what it had before, a as it was when the packet was sent: loss and
+    noise of a packet are independent of what was received before, see
+    docs/theory.md, section 11 (Extensions). Where losses come in bursts, that is so given whether
+    the time is good or bad: r is the sum of its parts in good and in bad times.
+
+    Where nothing of that is known, packets are nominal: they take the mean latency, are neither
+    rounded nor cut, are sent as the sender moves in the mean, and who falls back does so as if
+    blackouts alone lost packets.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        The run; v2v.channel is left out, noise and loss count as v2v says.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._receivers = scenario.receivers
+        self._senders = np.array(scenario.topology.senders)
+        self._mean = np.array([mean_factor(one) for one in self._receivers])
+        self._losses, self._lost, self._next = _good_and_bad(self._receivers)
+        self._kept = np.array([float(one.holds) for one in self._receivers])
+        self._bias = np.array([one.v2v.bias for one in self._receivers])
+        self._due = _due(scenario)
+        self._nearest = [own.start for own in scenario.topology.columns]
+        self._begin()
+
+    def _begin(self) -> None:
+        bursts = any(one.v2v.burst_begin for one in self._receivers)
+        self._parts = [np.zeros(len(self._receivers)) for _ in range(2 if bursts else 1)]
+        self._triggered = {
+            column: TriggeredChannel(one.send_rule(), one.timing())
+            for column, one in enumerate(self._receivers)
+            if one.triggered
+        }
+        self._fallbacks = {
+            number: self._receivers[column].reception()
+            for number, column in enumerate(self._nearest)
+            if self._receivers[column].fallback_law()
+        }
+        self.share: Array | None = None
+
+    def arrivals(self, _run: int, _motion: Array) -> None:
+        """Return nothing: in the mean there is no packet."""
+
+    def received(self, sample: int, motion: Array) -> Array:
+        """Return the mean accelerations that the receivers use."""
+        if sample == 0:
+            self._begin()
+        due, lost = self._due, self._lost
+        if due is None:
+            sent = motion[2, sample].take(self._senders, axis=-1)
+        else:
+            self._trigger(sample, motion, due)
+            sent = np.moveaxis(motion[2][due.carried[sample], ..., self._senders], 0, -1)
+            lost = np.where(due.dark[sample], 1.0, lost)
+            self._fall_back(sample, due)
+        if self._bias.any():
+            sent = sent + self._bias
+        if due is not None:
+            sent = sent * due.factor[sample]
+        parts = []
+        for state, now in enumerate(self._parts):
+            before = sum(self._next[last, state] * part for last, part in enumerate(self._parts))
+            fresh = (1.0 - lost[state]) * self._mean * self._losses[state] * sent
+            used = fresh + lost[state] * self._kept * before
+            parts.append(used if due is None else np.where(due.carried[sample] >= 0, used, now))
+        self._parts = parts
+        return np.asarray(sum(parts), np.float64)
+
+    def _trigger(self, sample: int, motion: Array, due: _Due) -> None:
+        """Put in which packets are due, where the sender sends as it moves in the mean."""
+        for column, channel in self._triggered.items():
+            position, velocity = motion[:2, sample, 0, self._senders[column]].tolist()
+            for packet in channel.deliver(sample, position, velocity):
+                due.put(sample, column, packet, self._receivers[column].blackouts)
+
+    def _fall_back(self, sample: int, due: _Due) -> None:
+        """Go on with the law's share, as in a run that loses packets in blackouts alone."""
+        if not self._fallbacks:
+            return
+        self.share = np.ones((1, len(self._nearest)))
+        for number, reception in self._fallbacks.items():
+            column = self._nearest[number]
+            comes = due.carried[sample, column] >= 0 and not due.dark[sample, column]
+            reception.use([(sample, 0.0)] if comes else [])
+            self.share[0, number] = getattr(reception, "share", 1.0)
+
+
+def _good_and_bad(followers: Sequence[Follower]) -> tuple[Array, Array, Array]:
+    """Return shares and losses of good and of bad times, shape (2, L), and what follows what.
+
+    The last is of shape (2, 2, L): the probability of the second after the first.
+    """
+    share, lost, follows = [], [], []
+    for follower in followers:
+        v2v = follower.v2v
+        begin, end = v2v.burst_begin, v2v.burst_end if v2v.burst_begin else 1.0
+        bad = begin / (begin + end)
+        share.append((1.0 - bad, bad))
+        lost.append((v2v.loss, v2v.burst_loss))
+        follows.append(((1.0 - begin, begin), (end, 1.0 - end)))
+    return np.array(share).T, np.array(lost).T, np.moveaxis(np.array(follows), 0, -1)
+
+
+class _Due(NamedTuple):
+    """Packets that are due in the mean, each of shape (samples, L).
+
+    Which sample's acceleration is in the packet, -1 where none is due, by what false data multiply
+    it, and whether it is sent in a blackout.
+    """
+
+    carried: Integers
+    factor: Array
+    dark: NDArray[np.bool_]
+
+    def put(
+        self, sample: int, column: int, packet: Packet, blackouts: list[tuple[int, int]]
+    ) -> None:
+        """Put in a packet that is due at a sample."""
+        self.carried[sample, column], self.factor[sample, column] = packet.content, packet.factor
+        self.dark[sample, column] = any(begin <= packet.source < end for begin, end in blackouts)
+
+
+def _due(scenario: Scenario) -> _Due | None:
+    """Return the packets that are due; None where each sample's own is, and arrives or is lost."""
+    receivers, samples = scenario.receivers, scenario.samples
+    if all(
+        one.timing().prompt and not (one.v2v.blackouts or one.v2v.false_data or one.triggered)
+        for one in receivers
+    ):
+        return None
+    shape = samples, len(receivers)
+    due = _Due(np.full(shape, -1), np.ones(shape), np.zeros(shape, np.bool_))
+    for column, follower in enumerate(receivers):
+        if follower.triggered:
+            continue
+        packets = follower.timing().delivery(0, samples)
+        due.carried[packets.sample, column] = packets.carried
+        due.factor[packets.sample, column] = packets.factor
+        for begin, end in follower.blackouts:
+            inside = (packets.source >= begin) & (packets.source < end)
+            due.dark[packets.sample[inside], column] = True
+    return due
+
+
+def mean_factor(follower: Follower) -> float:
+    """Return E[w] of the link to a follower."""
+    kind = "expected" if follower.v2v.noise == "bits" else follower.v2v.noise
+    return float(follower.noise(kind).factors(0, 1)[0])
