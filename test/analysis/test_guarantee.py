@@ -95,7 +95,7 @@ def test_energy_grows_from_an_index_of_one_on(variance, grows):
     index = certify(gains, 5.0, 0.5, noise=NoiseStatistics(1.0, 1.0)).mean_square_index
     noise = NoiseStatistics(1.0, variance / index)
     said = guarantees(certify(gains, 5.0, 0.5, noise=noise))[0].mean_square
-    assert ("grows from vehicle to vehicle" in said) is grows
+    assert ("grows along a platoon" in said) is grows
 
 
 def test_frozen_noise_may_grow_from_a_negative_margin_on():
@@ -148,7 +148,9 @@ def test_noise_beyond_the_channel_may_grow_in_the_mean_square_where_the_mean_is_
     wild = NoiseStatistics(1.0, 400.0, 0.01)
     rows = guarantees(certify(Gains(0.95, 0.5, 0.63, 0.009), 5.0, 0.5, noise=wild))
     assert rows[0].mean == "does not grow: sup|H| = 1"
-    assert rows[0].mean_square.startswith("grows from vehicle to vehicle at some lag: c_T = ")
+    assert rows[0].mean_square.startswith(
+        "grows along a platoon of such followers at some lag: c_T = "
+    )
     assert rows[-1].mean_square.startswith("E|a_i(jw)|^2 may grow: margin -")
 
 
@@ -194,3 +196,56 @@ def test_the_bound_of_unequal_errors_is_of_the_loop_without_losses():
     assert verdict.string_stable
     assert verdict.guarantee.endswith("|a_0|_2, of the loop without losses")
     assert verdict.guarantees[2].mean.endswith("|a_0|_2, of the loop without losses")
+
+
+def test_of_one_follower_only_the_hop_from_its_leader_is_spoken():
+    """Energies of its acceleration and its error in the mean system, against what is said."""
+    scenario = Scenario.from_values({**SETTINGS, "platoon.followers": 1})
+    verdict = judge(scenario)
+    said = [verdict.guarantee, *map(str, verdict.guarantees), verdict.basis]
+    assert not [text for text in said if "to vehicle" in text or "second vehicle" in text], said
+    assert "delta_{i-1}" not in verdict.basis
+    mean = simulate_mean(scenario)
+    own, leader = np.sqrt(np.sum(mean.acceleration**2, axis=0) * 0.01)[::-1]
+    assert own <= leader
+    bound = float(verdict.guarantee.partition("|delta|_2 at most ")[2].split()[0])
+    assert errors(mean)[0] <= bound * leader
+    assert f"at most {bound:.4g} s^2 |a_0|_2" in verdict.guarantees[2].mean
+
+
+def test_of_one_follower_with_rare_packets_one_hop_is_not_spoken_of():
+    rare = {**SETTINGS, "platoon.followers": 1, "v2v.period": 0.1}
+    assert judge(Scenario.from_values(rare)).guarantee.endswith("says nothing of one hop")
+    growing = judge(Scenario.from_values({**rare, "v2v.period": 0.2}))
+    assert "per hop of a platoon of such followers at" in growing.void[0]
+
+
+def test_packets_so_late_that_errors_grow_leave_no_row_that_denies_it():
+    """At 0.3 s case A grows by 1.042 per hop; the energies of its mean system do."""
+    scenario = Scenario.from_values(
+        {
+            "platoon.followers": 12,
+            "run.duration": 200.0,
+            "v2v.latency": 0.3,
+            "v2v.noise": "none",
+            "v2v.rho": 1e6,
+            "controller.k_a": 0.6,
+            "leader.angular_frequency": 0.61,
+        }
+    )
+    verdict = judge(scenario)
+    rows = {row.signal: row.mean for row in verdict.guarantees}
+    energies = errors(simulate_mean(scenario))
+    assert (np.diff(energies) > 0).any()
+    assert rows["energy of a_i"].startswith("grows by 1.0")
+    assert "a packet every 0.01 s, 0.3 s late" in rows["energy of a_i"]
+    assert rows["energy of delta_i"] == "may grow"
+
+
+def test_the_bound_of_unequal_errors_says_that_it_is_of_prompt_packets():
+    late = {"platoon.followers": 3, "v2v.latency": 0.03}
+    unequal = {"vehicle_3.controller.k_v": 0.632}
+    verdict = judge(Scenario.from_values(late).with_values(unequal))
+    assert verdict.string_stable
+    assert not verdict.equal_links
+    assert verdict.guarantee.endswith("|a_0|_2, of the loop without latency")
