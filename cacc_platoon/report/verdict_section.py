@@ -166,14 +166,14 @@ def _certificate_rows(report: Report) -> Iterator[tuple[str, str, str]]:
             "certified link by link on a_i = H_i a_{i-1}; delta_i = H delta_{i-1} needs equal "
             "followers",
         )
-    kept = " without losses" if bases.losses else ""
+    kept = " without losses" if any(one.holds for one in verdict.followers) else ""
     if braking := report.worst_braking:
         yield (
             f"Least gap over all brakings, up to {braking.deceleration:g} m/s^2 from "
             f"{braking.speed:g} m/s",
             f"{braking.gap:.2f} m" + (": collision" if braking.gap <= 0 else ""),
-            f"in the mean{kept}, from the equilibrium spacing: the leader brakes "
-            "whenever it hurts most, not only once; least of both ends of I, of "
+            f"in the mean{kept}{bases.apart}, in continuous time, from the equilibrium spacing: "
+            "the leader brakes whenever it hurts most, not only once; least of both ends of I, of "
             f"lags of {', '.join(f'{share:g}' for share in SHARES)} tau0, and of "
             + counted(braking.vehicles, "the first"),
         )

@@ -123,7 +123,9 @@ def test_the_largest_acceleration_of_a_leader_is_that_of_its_profile():
     metrics = compute_metrics(run)
     assert not run.acceleration[:, 0].any()
     assert metrics.max_abs_acceleration[0] == pytest.approx(1.0 / 0.03)
-    error = judge(scenario).weakest.certificate.worst_sure_error_gain.at_most
+    certificate = judge(scenario).weakest.certificate
+    assert certificate is not None
+    error = certificate.worst_sure_error_gain.at_most
     assert 0.0 < metrics.max_abs_spacing_error[0] <= error * metrics.max_abs_acceleration[0]
     sine = {"run.duration": 30.0, "platoon.followers": 1, "leader.amplitude": -3.0}
     metrics = compute_metrics(simulate(Scenario.from_values({**sine, "run.step": 0.1})))
@@ -166,3 +168,21 @@ def test_the_worst_of_all_brakings_is_below_a_straight_stop():
         assert found.gap <= stopped.min_gap.min() + 0.02
     unequal = Scenario.from_values(stop, {2: {"controller.k_v": 0.7}})
     assert worst_braking(unequal, judge(unequal)) is None
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        ({}, "in the mean and in continuous time, is below"),
+        ({"latency": 0.01}, "continuous time without latency, is below"),
+        ({"reception": 0.9}, "continuous time, is below"),
+        (
+            {"v2v_period": 0.02, "latency": 0.01, "reception": 0.9, "hold": True},
+            "continuous time without latency, V2V period, losses, is below",
+        ),
+    ],
+)
+def test_a_gap_that_is_missed_says_what_it_leaves_out(asked, said):
+    requirements = Requirements(min_gap=4.99, **asked)
+    missed = assess(Gains(0.95, 0.5, 0.63, 0.009), 5.0, 0.5, requirements).unmet
+    assert [text for text in missed if text.startswith("worst gap") and said in text]

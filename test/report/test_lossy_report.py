@@ -255,3 +255,17 @@ def test_a_blackout_after_the_run_voids_nothing(made):
     report, *_ = made({"v2v.blackouts": [6.0, 7.0]})
     assert report.verdict.certified
     assert "blackout" not in report.verdict.guarantee
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ({"v2v.loss": 0.1}, "in the mean without losses, in continuous time"),
+        ({"v2v.loss": 0.1, "v2v.reception": "zero"}, "in the mean, in continuous time"),
+        (DARK, "in the mean, blackouts apart, in continuous time"),
+    ],
+)
+def test_the_least_gap_says_which_losses_it_leaves_out(made, values, said):
+    found = [row[1] for name, row in made(values)[2].items() if name.startswith("Least gap")]
+    assert len(found) == 1
+    assert found[0].startswith(said)
