@@ -178,7 +178,8 @@ def _error_energy(certificate: Certificate, *, equal: bool) -> str:
     if certificate.rare:
         return "not known: packets have a period of their own"
     if equal:
-        return "does not grow from the second vehicle on"
+        parts = left_out(certificate) if growth is None else ""
+        return f"does not grow from the second vehicle on{parts}"
     most = f"may grow; at most {certificate.leader_error_gain:.4g} s^2 |a_0|_2"
     return most + left_out(certificate)
 

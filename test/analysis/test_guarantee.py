@@ -249,3 +249,12 @@ def test_the_bound_of_unequal_errors_says_that_it_is_of_prompt_packets():
     assert verdict.string_stable
     assert not verdict.equal_links
     assert verdict.guarantee.endswith("|a_0|_2, of the loop without latency")
+
+
+def test_energies_of_errors_say_that_they_are_of_prompt_packets_where_growth_is_not_known():
+    """Of a design with a latency alone; in a verdict the growth with it is known."""
+    gains = Gains(0.95, 0.5, 0.63, 0.009)
+    rows = guarantees(certify(gains, 5.0, 0.5, latency=0.3))
+    assert rows[2].mean.endswith(", of the loop without latency")
+    known = guarantees(certify(gains, 5.0, 0.5, latency=0.03, v2v_period=0.01))
+    assert known[2].mean == "does not grow from the second vehicle on"
