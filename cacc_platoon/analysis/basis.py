@@ -26,7 +26,8 @@ _LINF_NAME = (
 _SURE_NAME = (
     "L-infinity: sum of max |h[n]| over {}, of the loop sampled at the control period; largest of "
     "17 lags up to tau0 and the plant without lag; bounds the ratio of peaks of a_i in every run "
-    "of vehicles of equal lags, at control instants, however w changes in time"
+    "from follower to follower of equal lags, at control instants, however w changes in time; not "
+    "from the leader, whose acceleration may change in between"
 )
 _ANY_FACTOR = "every w in [1 - 1/rho, 1 + 1/rho] that the noise may have at any instant"
 _OR_LOST = f"w = 0, which is a lost packet, and {_ANY_FACTOR}"

@@ -32,7 +32,9 @@ def guarantee_of(
 
     Where lags differ, what a sampled vehicle's acceleration is to the one ahead depends on both
     lags; what it is to ``k a + k_v v + k_p x`` of the one ahead, which it follows, on its own.
-    The only follower of a platoon is `alone`: there is no hop but the one from its leader.
+    A leader's acceleration may change between control instants, so that what its samples are to a
+    follower's is not that of the sampled loop. The only follower of a platoon is `alone`: there is
+    no hop but the one from its leader.
     """
     if not certificates:
         return "nothing is guaranteed"
@@ -49,18 +51,20 @@ def guarantee_of(
     rest = f"{mean}, for every lag up to {certificates[0].tau_max:g} s and every E[w]{whose}"
     if any(certificate.rare for certificate in certificates):
         return _with_rare_packets(rest, equal_links=equal_links, alone=alone)
+    of_loop = max((left_out(certificate) for certificate in certificates), key=len)
     if alone:
         return (
-            f"{rest}, the follower's |a|_2 is at most that of the vehicle ahead, |a_0|_2, and its "
-            f"|delta|_2 at most {_largest_error(certificates)}"
+            f"{rest}, in continuous time, the follower's |a|_2 is at most that of the vehicle "
+            f"ahead, |a_0|_2, and its |delta|_2 at most {_largest_error(certificates)}"
         )
+    first = "" if of_loop else ", nor, in continuous time, |a_i|_2 from the leader to the first"
     if equal_links:
-        return f"{rest}, |a_i|_2 and |delta_i|_2 do not grow from vehicle to vehicle"
+        return f"{rest}, |a_i|_2 and |delta_i|_2 do not grow from follower to follower{first}"
+    hop = f"follower to follower{first}" if equal_lags else f"vehicle to vehicle{_LAGS_DIFFER}"
     return (
-        f"{mean}, for every lag up to its tau0 and every E[w_i], "
-        "|a_i|_2 does not grow from vehicle to vehicle"
-        f"{'' if equal_lags else _LAGS_DIFFER}; "
-        f"spacing errors may, links being unequal: |delta_i|_2 <= {_largest_error(certificates)}"
+        f"{mean}, for every lag up to its tau0 and every E[w_i], |a_i|_2 does not grow from {hop}; "
+        "spacing errors may, links being unequal: in continuous time "
+        f"|delta_i|_2 <= {_largest_error(certificates)}"
     )
 
 

@@ -106,6 +106,11 @@ class Verdict:
         return len(self.followers) == 1
 
     @property
+    def hop(self) -> str:
+        """Which hops ratios are of, those from a leader that does as it likes left aside."""
+        return "of a platoon of such followers" if self.alone else "between followers"
+
+    @property
     def certified(self) -> bool:
         """Whether string stability is proven for this run: stable, and nothing void."""
         return self.string_stable and not self.void

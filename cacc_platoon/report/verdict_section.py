@@ -59,7 +59,8 @@ def _guarantee_section(verdict: Verdict) -> str:
     heads = ("signal", "in the mean", "in the mean square", "whatever the noise does")
     note = (
         "For every lag up to tau0, in continuous time but for the mean square, which is of the "
-        "sampled loop; sampled, peaks grow a little more, as the table below says of a_i. "
+        "sampled loop and of a leader whose acceleration is held between control instants; "
+        "sampled, peaks grow a little more, as the table below says of a_i. "
         "In the mean: expectations, with every E[w] the SNR permits. In the mean "
         "square: the energy that the noise of this scenario adds, independent between links. "
         "Whatever the noise does: every run, with w anywhere within the SNR at every instant"
@@ -154,7 +155,7 @@ def _certificate_rows(report: Report) -> Iterator[tuple[str, str, str]]:
             packets.text,
         )
     yield (
-        f"Ratio of peaks of a_i per hop, in every run{bases.apart}, at most",
+        f"Ratio of peaks of a_i per hop {verdict.hop}, in every run{bases.apart}, at most",
         _g(verdict.sure_gain),
         bases.sure,
     )

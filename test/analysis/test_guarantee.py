@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cacc_platoon.analysis import judge
-from cacc_platoon.model import Gains
+from cacc_platoon.model import Gains, State, ThirdOrderPlant
 from cacc_platoon.report.metrics_json import verdict_document
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.simulation import simulate, simulate_mean
@@ -33,7 +33,7 @@ def test_links_with_unequal_means_multiply_spacing_errors_and_the_verdict_says_s
     assert verdict.string_stable
     assert not verdict.equal_links
     said = verdict.guarantee
-    assert "|a_i|_2 does not grow from vehicle to vehicle" in said
+    assert "|a_i|_2 does not grow from follower to follower" in said
     assert "spacing errors may" in said
     mean = simulate_mean(scenario)
     peaks = np.max(np.abs(mean.spacing_error), axis=0)
@@ -77,7 +77,7 @@ def test_sampled_accelerations_may_grow_where_lags_differ_and_the_verdict_says_s
     assert growth.max() > 1.005, growth
     same = Scenario.from_values({**scenario.values(), "vehicle.tau": 0.4})
     assert judge(same).equal_links
-    assert "continuous time" not in judge(same).guarantee
+    assert "some hops" not in judge(same).guarantee
 
 
 def test_peaks_of_unequal_vehicles_are_those_of_the_worst():
@@ -116,7 +116,10 @@ def test_frozen_noise_may_grow_from_a_negative_margin_on():
 def test_equal_links_keep_spacing_errors_too():
     scenario = Scenario.from_values(SETTINGS)
     verdict = judge(scenario)
-    assert verdict.guarantee.endswith("|a_i|_2 and |delta_i|_2 do not grow from vehicle to vehicle")
+    said = (
+        "|a_i|_2 and |delta_i|_2 do not grow from follower to follower, nor, in continuous time, "
+    )
+    assert verdict.guarantee.endswith(f"{said}|a_i|_2 from the leader to the first")
     assert (np.diff(errors(simulate_mean(scenario))) <= 1e-9).all()
     document = verdict_document(verdict)
     assert document["guarantee"] == verdict.guarantee
@@ -258,3 +261,48 @@ def test_energies_of_errors_say_that_they_are_of_prompt_packets_where_growth_is_
     assert rows[2].mean.endswith(", of the loop without latency")
     known = guarantees(certify(gains, 5.0, 0.5, latency=0.03, v2v_period=0.01))
     assert known[2].mean == "does not grow from the second vehicle on"
+
+
+def test_a_leader_that_turns_between_samples_raises_the_first_peak_and_no_other_hop():
+    """Its samples, a hundredth of each interval, ask for the most by k a_0, the rest by v and x."""
+    T, count, tau = 0.1, 400, 0.5
+    h, k, k_v, k_p = gains = Gains(1.3, 0.5, 0.8, 0.5)
+    plant = ThirdOrderPlant(tau, T)
+
+    def answer(added):
+        """Return the acceleration of a vehicle to whose command this is added."""
+        state, found = State(0.0, 0.0, 0.0), []
+        for u in added:
+            found.append(state.acceleration)
+            x, v, _ = state
+            state = plant.advance(state, u - (k_v + h * k_p) * v - k_p * x)
+        return np.sign(found[::-1])
+
+    later = np.arange(1, count)
+    fresh = answer([k, *np.zeros(count - 1)])
+    rest = answer([0.0, *(k_v * T + k_p * T * T * (later - 0.5))])
+    starts = T * np.arange(count + 1)
+    pairs = np.column_stack((starts[:-1] + 0.01 * T, starts[1:]))
+    times = np.concatenate(([0.0], pairs.ravel()))
+    steps = np.column_stack((0.01 * T * fresh, 0.99 * T * rest)).ravel()
+    scenario = Scenario.from_values(
+        {
+            **{f"controller.{name}": value for name, value in gains._asdict().items()},
+            "platoon.followers": 3,
+            "v2v.noise": "none",
+            "vehicle.tau": tau,
+            "run.step": T,
+            "run.duration": count * T,
+            "leader.profile": "csv",
+            "leader.times": tuple(times.tolist()),
+            "leader.speeds": tuple((25.0 + np.concatenate(([0.0], np.cumsum(steps)))).tolist()),
+        }
+    )
+    verdict = judge(scenario)
+    run = simulate(scenario)
+    peaks = np.max(np.abs(run.acceleration), axis=0)
+    assert verdict.certified
+    assert peaks[1] > 1.6 * verdict.sure_gain * peaks[0]
+    assert (peaks[2:] <= verdict.sure_gain * peaks[1:-1]).all()
+    assert "from follower to follower" in verdict.guarantee
+    assert "not from the leader" in verdict.bases.sure

@@ -188,7 +188,7 @@ def test_what_is_guaranteed_without_losses_says_so(made):
 def test_what_is_guaranteed_of_lost_packets_that_count_as_zero_includes_them(made):
     report, _, rows = made({"v2v.loss": 0.1, "v2v.reception": "zero"})
     assert "without losses" not in str(report.verdict.guarantees)
-    sure = rows["Ratio of peaks of a_i per hop, in every run, at most".replace("a_i", "ai")]
+    sure = rows["Ratio of peaks of ai per hop between followers, in every run, at most"]
     assert "w = 0, which is a lost packet, and every w in [1 " in sure[1]
 
 

@@ -374,7 +374,7 @@ def test_a_loop_whose_peaks_are_out_of_reach_is_judged_all_the_same(tmp_path, ca
     assert main(["simulate", str(file), *ringing]) == 0
     out = capsys.readouterr().out
     assert out.startswith("STRING STABLE BY DESIGN, CERTIFICATE VOID")
-    assert "peaks of a_i grow per hop by a factor of inf at most" in out
+    assert "peaks of a_i grow per hop between followers by a factor of inf at most" in out
     metrics = json.loads((tmp_path / "run" / "metrics.json").read_text())
     assert metrics["verdict"]["linf_gain"] is metrics["verdict"]["sure_gain"] is None
 
