@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
 
 _LAGS_DIFFER = (
-    " in continuous time; sampled, where lags differ, no frequency of k a_i + k_v v_i + k_p x_i, "
-    "which the vehicle behind follows, grows, while |a_i|_2 may a little at some hops"
+    "sampled, where lags differ, no frequency of k a_i as received + k_v v_i + k_p x_i, which the "
+    "vehicle behind follows, grows, while |a_i|_2 may a little at some hops"
 )
 
 
@@ -60,7 +60,9 @@ def guarantee_of(
     first = "" if of_loop else ", nor, in continuous time, |a_i|_2 from the leader to the first"
     if equal_links:
         return f"{rest}, |a_i|_2 and |delta_i|_2 do not grow from follower to follower{first}"
-    hop = f"follower to follower{first}" if equal_lags else f"vehicle to vehicle{_LAGS_DIFFER}"
+    hop = f"vehicle to vehicle in continuous time{of_loop}; {_LAGS_DIFFER}"
+    if equal_lags:
+        hop = f"follower to follower{first}"
     return (
         f"{mean}, for every lag up to its tau0 and every E[w_i], |a_i|_2 does not grow from {hop}; "
         "spacing errors may, links being unequal: in continuous time "

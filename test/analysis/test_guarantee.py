@@ -252,6 +252,9 @@ def test_the_bound_of_unequal_errors_says_that_it_is_of_prompt_packets():
     assert verdict.string_stable
     assert not verdict.equal_links
     assert verdict.guarantee.endswith("|a_0|_2, of the loop without latency")
+    lags = {"vehicle.tau": (0.1, 0.5, 0.2), "vehicle.tau_max": 0.5}
+    said = judge(Scenario.from_values({**late, **lags})).guarantee
+    assert "in continuous time, of the loop without latency; sampled, where lags differ" in said
 
 
 def test_energies_of_errors_say_that_they_are_of_prompt_packets_where_growth_is_not_known():
