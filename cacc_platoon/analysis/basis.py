@@ -25,7 +25,7 @@ _LINF_NAME = (
 )
 _SURE_NAME = (
     "L-infinity: sum of max |h[n]| over {}, of the loop sampled at the control period; largest of "
-    "17 lags up to tau0 and the plant without lag; bounds the ratio of peaks of a_i in every run "
+    "22 lags up to tau0 and the plant without lag; bounds the ratio of peaks of a_i in every run "
     "from follower to follower of equal lags, at control instants, however w changes in time; not "
     "from the leader, whose acceleration may change in between"
 )
@@ -43,7 +43,7 @@ _ZERO = (
 _HOLD = (
     "the last packet is held{} while others are lost: judged is the mean system too, at the packet "
     "reception probability p{} and the control period of the run, by the exact test of the "
-    "sampled loop with k filtered by p/(1 - (1 - p)/z), at 17 lags up to tau0 and without lag"
+    "sampled loop with k filtered by p/(1 - (1 - p)/z), at 22 lags up to tau0 and without lag"
 )
 _PACKETS = (
     "packets come {}: judged is the mean system too, sampled at the control period of the run, "

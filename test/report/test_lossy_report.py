@@ -182,7 +182,7 @@ def test_what_is_guaranteed_without_losses_says_so(made):
         assert mean[signal].endswith(", of the loop without losses")
     assert "at every instant and any packets lost." in rows[""][0]
     assert "of every packet that arrived" in rows["Channel assumption"][1]
-    assert "at 17 lags up to τ0" in rows["With packet loss, in the mean"][1]
+    assert "at 22 lags up to τ0" in rows["With packet loss, in the mean"][1]
 
 
 def test_what_is_guaranteed_of_lost_packets_that_count_as_zero_includes_them(made):
