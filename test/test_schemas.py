@@ -59,6 +59,7 @@ CRASH = {
     "run.duration": 6.0,
     "v2v.noise": "none",
 }
+SILENT = {"v2v.reception": "fallback", "v2v.blackouts": (0.2, 1.5), "run.duration": 3.0}
 DESIGNS = [
     question.split()
     for question in (
@@ -124,12 +125,14 @@ def documents(tmp_path_factory, bags):
 
 
 def recorded(folder: Path, bags) -> Iterator[Path]:
-    """Yield a noisy run, a run with a collision, and a bag that was altered."""
+    """Yield a noisy run, one with a collision, one with fallbacks, and a bag that was altered."""
     noisy = bags.scenario({"platoon.followers": 3})
     simulate_run(noisy, folder / "noisy")
     yield folder / "noisy"
     simulate_run(Scenario.from_values(CRASH), folder / "crash")
     yield folder / "crash"
+    simulate_run(Scenario.from_values(SILENT), folder / "silent")
+    yield folder / "silent"
     topic = VehicleTopics("/platoon", 2).accel
     altered = bags.rewritten(bags.record(noisy), topic, lambda values: values * 2.0)
     yield bags.bag(folder / "altered", noisy, altered)

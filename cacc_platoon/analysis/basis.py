@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from cacc_platoon.analysis.follower_verdict import PROMPT, WITHOUT_LOSS
 from cacc_platoon.analysis.packets import PacketRate, packet_times
+from cacc_platoon.analysis.premises import IF_INDEPENDENT, blackouts, holds_in_bursts
 from cacc_platoon.scenario import Follower, Scenario
 
 L2_NAME = "L2 string stability (H-infinity norm of H, paper's condition (3))"
@@ -24,14 +25,17 @@ _LINF_NAME = (
 )
 _SURE_NAME = (
     "L-infinity: sum of max |h[n]| over {}, of the loop sampled at the control period; largest of "
-    "17 lags up to tau0 and the plant without lag; bounds the ratio of peaks of a_i in every run "
-    "of vehicles of equal lags, at control instants, however w changes in time"
+    "22 lags up to tau0 and the plant without lag; bounds the ratio of peaks of a_i in every run "
+    "from follower to follower of equal lags, at control instants, however w changes in time; not "
+    "from the leader, whose acceleration may change in between"
 )
 _ANY_FACTOR = "every w in [1 - 1/rho, 1 + 1/rho] that the noise may have at any instant"
 _OR_LOST = f"w = 0, which is a lost packet, and {_ANY_FACTOR}"
 _LATE = f"{_ANY_FACTOR}, of any packet sent until then (the last one is held)"
 _EQUAL = "delta_i = H delta_{i-1} for i >= 2, equal followers"
+_ALONE = "a_i = H a_{i-1} of the only follower"
 _UNEQUAL = "a_i = H_i a_{i-1} for every follower's own H_i, unequal followers"
+_IF_SO = f", {IF_INDEPENDENT}"
 _ZERO = (
     "lost packets count as zero{}: judged is the mean system of every packet reception "
     "probability from p{} to 1, k in [p m k_a, M k_a]"
@@ -39,7 +43,7 @@ _ZERO = (
 _HOLD = (
     "the last packet is held{} while others are lost: judged is the mean system too, at the packet "
     "reception probability p{} and the control period of the run, by the exact test of the "
-    "sampled loop with k filtered by p/(1 - (1 - p)/z), at 17 lags up to tau0 and without lag"
+    "sampled loop with k filtered by p/(1 - (1 - p)/z), at 22 lags up to tau0 and without lag"
 )
 _PACKETS = (
     "packets come {}: judged is the mean system too, sampled at the control period of the run, "
@@ -72,10 +76,13 @@ class LinkBasis(NamedTuple):
         Their indices.
     text : str
         The test.
+    if_so : str
+        What it takes for granted although it is not so, after a comma; empty where nothing is.
     """
 
     followers: tuple[int, ...]
     text: str
+    if_so: str
 
 
 class Bases(NamedTuple):
@@ -95,6 +102,9 @@ class Bases(NamedTuple):
     of_loop : str
         " of the loop without loss" or "with packets that are prompt", and of whom when not of all;
         empty where nobody holds lost packets and all packets are prompt.
+    if_so, apart : str
+        ", if losses did not depend on each other" where they come in bursts and the last packet is
+        held, and ", blackouts apart" where there are any; else empty.
     """
 
     exact: str
@@ -105,6 +115,8 @@ class Bases(NamedTuple):
     linf: str
     sure: str
     of_loop: str
+    if_so: str
+    apart: str
 
     def __str__(self) -> str:
         """Return the exact test and what it decides."""
@@ -132,9 +144,13 @@ def bases_of(scenario: Scenario, *, equal: bool) -> Bases:
     shares = {follower.index: arrival(follower) for follower in scenario.followers}
     zero = {index: share.zero for index, share in shares.items() if share.zero < 1.0}
     held = {index: share.held for index, share in shares.items() if share.held < 1.0}
+    bursts = {f.index: held[f.index] for f in scenario.followers if holds_in_bursts(f)}
+    steady = {index: share for index, share in held.items() if index not in bursts}
     losses = tuple(
-        LinkBasis(tuple(some), text.format(_at(tuple(some), everyone), _share(some)))
-        for text, some in ((_ZERO, zero), (_HOLD, held))
+        LinkBasis(
+            tuple(some), f"{text.format(_at(tuple(some), everyone), _share(some))}{if_so}", if_so
+        )
+        for text, some, if_so in ((_ZERO, zero, ""), (_HOLD, steady, ""), (_HOLD, bursts, _IF_SO))
         if some
     )
     packets = _packets(scenario)
@@ -145,13 +161,15 @@ def bases_of(scenario: Scenario, *, equal: bool) -> Bases:
     interval = ", with the I of the exact test" if zero else ""
     return Bases(
         _exact_test(zero, everyone),
-        _EQUAL if equal else _UNEQUAL,
+        _ALONE if len(everyone) == 1 else _EQUAL if equal else _UNEQUAL,
         losses,
         packets,
         f"{_PAPER_TEST}{interval}{of_loop and ',' + of_loop}",
         f"{_LINF_NAME}{of_loop and ';' + of_loop}",
         _SURE_NAME.format(_LATE if held or late else _OR_LOST if zero else _ANY_FACTOR),
         of_loop,
+        _IF_SO if bursts else "",
+        ", blackouts apart" if blackouts(scenario) else "",
     )
 
 
@@ -162,12 +180,12 @@ def _packets(scenario: Scenario) -> tuple[LinkBasis, ...]:
         times = packet_times(follower, scenario.run.step)
         if times.period is not None:
             found.setdefault(times, []).append(follower.index)
-    return tuple(
-        LinkBasis(
-            tuple(some), _PACKETS.format(f"{_rate(times)}{_at(tuple(some), scenario.indices)}")
-        )
-        for times, some in found.items()
-    )
+    bases = []
+    for times, some in found.items():
+        if_so = _IF_SO if any(holds_in_bursts(scenario.follower(index)) for index in some) else ""
+        text = _PACKETS.format(f"{_rate(times)}{_at(tuple(some), scenario.indices)}")
+        bases.append(LinkBasis(tuple(some), f"{text}{if_so}", if_so))
+    return tuple(bases)
 
 
 def _rate(times: PacketRate) -> str:

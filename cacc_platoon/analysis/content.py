@@ -61,6 +61,5 @@ def _false_data(receivers: Sequence[Follower]) -> Iterator[str]:
     count = len({follower.link for follower in receivers})
     yield (
         f"packets carry false data between {begin * step:g} and {end * step:g} s on {count} "
-        f"link{'s' * (count > 1)} (v2v.false_data): nothing is proven of what they do to a "
-        "platoon; afterwards the certificate holds again, of a motion that begins as they left it"
+        f"link{'s' * (count > 1)} (v2v.false_data): nothing is proven of what they do to a platoon"
     )

@@ -83,10 +83,9 @@ def fallback_premises(scenario: Scenario, used: Sequence[FallbackUse]) -> Iterat
         return
     begin, end = min(one.begin for one in left), max(one.end for one in left)
     followers = [one.follower for one in left]
-    over = "" if end >= scenario.run.duration else "; afterwards the certificate holds again"
     yield (
         f"{len(left)} of {len(scenario.followers)} vehicles fell back to a law without V2V, "
-        f"between {begin:g} and {end:g} s{over}: {_proven(scenario, followers)}"
+        f"between {begin:g} and {end:g} s: {_proven(scenario, followers)}"
     )
 
 

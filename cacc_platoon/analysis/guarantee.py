@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from cacc_platoon.model.noise import expected_factor, factor_variance
 from cacc_platoon.theory import NoiseStatistics
-from cacc_platoon.theory.guarantees import largest_peaks
+from cacc_platoon.theory.guarantees import largest_peaks, left_out
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -16,18 +16,25 @@ if TYPE_CHECKING:
 
 
 _LAGS_DIFFER = (
-    " in continuous time; sampled, where lags differ, no frequency of k a_i + k_v v_i + k_p x_i, "
-    "which the vehicle behind follows, grows, while |a_i|_2 may a little at some hops"
+    "sampled, where lags differ, no frequency of k a_i as received + k_v v_i + k_p x_i, which the "
+    "vehicle behind follows, grows, while |a_i|_2 may a little at some hops"
 )
 
 
 def guarantee_of(
-    certificates: Sequence[Certificate], *, equal_links: bool, equal_lags: bool = True
+    certificates: Sequence[Certificate],
+    *,
+    equal_links: bool,
+    equal_lags: bool = True,
+    alone: bool = False,
 ) -> str:
     """Say what certificates prove, of which signal, in which norm, for which noise and links.
 
     Where lags differ, what a sampled vehicle's acceleration is to the one ahead depends on both
     lags; what it is to ``k a + k_v v + k_p x`` of the one ahead, which it follows, on its own.
+    A leader's acceleration may change between control instants, so that what its samples are to a
+    follower's is not that of the sampled loop. The only follower of a platoon is `alone`: there is
+    no hop but the one from its leader.
     """
     if not certificates:
         return "nothing is guaranteed"
@@ -36,32 +43,57 @@ def guarantee_of(
         return "nothing is guaranteed: with packets as rare and late as these errors may grow"
     late = max(certificate.latency for certificate in certificates)
     packets = f", packets {late:g} s late" if late else ""
-    rest = f"in the mean over the noise{packets}, for every lag up to"
+    lossy = any(
+        certificate.held < 1.0 or certificate.reception < 1.0 for certificate in certificates
+    )
+    mean = f"in the mean over the noise{' and all losses' if lossy else ''}{packets}"
+    whose = "" if alone else " that all links share"
+    rest = f"{mean}, for every lag up to {certificates[0].tau_max:g} s and every E[w]{whose}"
     if any(certificate.rare for certificate in certificates):
-        if not equal_links:
-            return "nothing is guaranteed of unequal links with packets at a rate of their own"
+        return _with_rare_packets(rest, equal_links=equal_links, alone=alone)
+    of_loop = max((left_out(certificate) for certificate in certificates), key=len)
+    if alone:
         return (
-            f"{rest} {certificates[0].tau_max:g} s and every E[w] that all links share, nothing "
-            "grows in the long run from vehicle to vehicle with packets at this rate, all sent at "
-            "the same instants"
+            f"{rest}, in continuous time, the follower's |a|_2 is at most that of the vehicle "
+            f"ahead, |a_0|_2, and its |delta|_2 at most {_largest_error(certificates)}"
         )
+    first = "" if of_loop else ", nor, in continuous time, |a_i|_2 from the leader to the first"
     if equal_links:
-        return (
-            f"{rest} {certificates[0].tau_max:g} s and every E[w] that all links share, |a_i|_2 "
-            "and |delta_i|_2 do not grow from vehicle to vehicle"
-        )
+        return f"{rest}, |a_i|_2 and |delta_i|_2 do not grow from follower to follower{first}"
+    hop = f"vehicle to vehicle in continuous time{of_loop}; {_LAGS_DIFFER}"
+    if equal_lags:
+        hop = f"follower to follower{first}"
     return (
-        f"{rest} its tau0 and every E[w_i], |a_i|_2 does not grow from vehicle to vehicle"
-        f"{'' if equal_lags else _LAGS_DIFFER}; "
-        f"spacing errors may, links being unequal: |delta_i|_2 <= {_largest_error(certificates)}"
+        f"{mean}, for every lag up to its tau0 and every E[w_i], |a_i|_2 does not grow from {hop}; "
+        "spacing errors may, links being unequal: in continuous time "
+        f"|delta_i|_2 <= {_largest_error(certificates)}"
+    )
+
+
+def _with_rare_packets(rest: str, *, equal_links: bool, alone: bool) -> str:
+    if not equal_links:
+        return "nothing is guaranteed of unequal links with packets at a rate of their own"
+    where = "along a platoon of such followers" if alone else "from vehicle to vehicle"
+    return (
+        f"{rest}, nothing grows in the long run {where} with packets at this rate, all sent at the "
+        f"same instants{', which says nothing of one hop' if alone else ''}"
     )
 
 
 def _largest_error(certificates: Sequence[Certificate]) -> str:
     """Return what no |delta_i|_2 of unequal vehicles exceeds, and of which loop it is."""
     worst = max(certificate.leader_error_gain for certificate in certificates)
-    held = any(certificate.held < 1.0 for certificate in certificates)
-    return f"{worst:.4g} s^2 |a_0|_2" + (", of the loop without losses" if held else "")
+    return f"{worst:.4g} s^2 |a_0|_2" + max((left_out(one) for one in certificates), key=len)
+
+
+def of_alone(row: Guarantee, certificate: Certificate) -> Guarantee:
+    """Make a guarantee one of a single follower, whose errors have none before them."""
+    if row.signal == "energy of a_i" and certificate.rare:
+        return row._replace(mean=f"along a platoon of such followers it {row.mean}")
+    known = certificate.internally_stable and not certificate.rare
+    if row.signal == "energy of delta_i" and known:
+        return row._replace(mean=f"at most {_largest_error([certificate])}")
+    return row
 
 
 def of_unequal(row: Guarantee, certificates: Sequence[Certificate]) -> Guarantee:

@@ -15,7 +15,7 @@ import numpy as np
 from cacc_platoon.analysis.age import LinkReception, link_reception
 from cacc_platoon.analysis.fallback import FallbackUse, fallback_use
 from cacc_platoon.analysis.noise import LinkNoise, link_noise
-from cacc_platoon.model.leader import least_accelerations
+from cacc_platoon.model.leader import largest_acceleration, least_accelerations
 from cacc_platoon.simulation import Trajectory
 from cacc_platoon.simulation.trajectory import Array
 
@@ -53,7 +53,8 @@ class Metrics:
     hop_ratio_max, hop_ratio_l2 : ndarray, shape (N - 1,)
         Ratio of the norm of delta_i to that of delta_{i-1}, i = 2..N; NaN where the latter is 0.
     max_abs_acceleration, rms_acceleration, max_abs_jerk, rms_jerk : ndarray, shape (N + 1,)
-        Of vehicles 0..N [m/s^2], [m/s^3]; jerk is (a(k+1) - a(k)) / T.
+        Of vehicles 0..N [m/s^2], [m/s^3]; the leader's largest is that of its profile, between
+        samples too; jerk is (a(k+1) - a(k)) / T.
     min_gap, min_time_headway, mean_time_headway : ndarray
         Smallest x_{i-1} - x_i [m] less the length of the vehicle ahead; time headway kept,
         (x_{i-1} - x_i - d) / v_i [s] where v_i > 0.
@@ -134,7 +135,7 @@ def compute_metrics(run: Trajectory) -> Metrics:
         settling_time=_settling_time(error, peak, run.time),
         hop_ratio_max=_hop_ratio(peak),
         hop_ratio_l2=_hop_ratio(energy),
-        max_abs_acceleration=_over_time(np.nanmax, np.abs(acceleration)),
+        max_abs_acceleration=_largest_accelerations(run),
         rms_acceleration=_rms(acceleration),
         max_abs_jerk=_over_time(np.nanmax, np.abs(jerk)),
         rms_jerk=_rms(jerk),
@@ -159,6 +160,15 @@ def _over_time(reduce: object, values: Array) -> Array:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)
         return np.asarray(reduce(values, axis=0), np.float64)  # type: ignore[operator]
+
+
+def _largest_accelerations(run: Trajectory) -> Array:
+    """Return max |a_i| of vehicles 0..N; under a held command a follower's are at samples."""
+    largest = _over_time(np.nanmax, np.abs(run.acceleration))
+    if len(run.time):
+        profile = run.scenario.leader_profile()
+        largest[0] = np.fmax(largest[0], largest_acceleration(profile, float(run.time[-1])))
+    return largest
 
 
 def _rms(values: Array) -> Array:

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+
 from cacc_platoon.analysis.age import LinkReception
 from cacc_platoon.analysis.consistency import Consistency
 from cacc_platoon.analysis.content import content_premises
 from cacc_platoon.analysis.fallback import FallbackUse, fallback_premises
+from cacc_platoon.analysis.follower_verdict import FollowerVerdict
 from cacc_platoon.analysis.noise import LinkNoise
+from cacc_platoon.analysis.packets import packet_times, send_together
 from cacc_platoon.model import ConstantTimeHeadway
 from cacc_platoon.scenario import Follower, Scenario
+from cacc_platoon.theory import rounded_down
+
+IF_INDEPENDENT = "if losses did not depend on each other"
 
 
 def broken_premises(
@@ -30,6 +37,75 @@ def broken_premises(
     ]
 
 
+def missed_by_the_loop(
+    scenario: Scenario, verdicts: Sequence[FollowerVerdict], *, equal: bool
+) -> list[str]:
+    """Say what the sampled loop misses with its packets although each gain passes its test."""
+    return [*_sampled_too_slowly(verdicts), *_growth_with_packets(scenario, verdicts, equal=equal)]
+
+
+def _sampled_too_slowly(verdicts: Sequence[FollowerVerdict]) -> list[str]:
+    """Say that the continuous loops of some followers pass the test and the sampled ones fail."""
+    lost = [
+        (one.certificate.critical_period, one.follower, one.certificate)
+        for one in verdicts
+        if one.certificate is not None and one.string_stable and not one.sampled
+    ]
+    if not lost:
+        return []
+    longest, worst, certificate = min(lost, key=lambda one: one[:2])
+    held = " with the last packet held" if certificate.held < 1.0 else ""
+    alone, count = (" alone", "") if len(lost) == 1 else ("", f" ({len(lost)} vehicles in all)")
+    loop = f"the loop of vehicle {worst}{alone}, sampled every {certificate.period:g} s{held}"
+    if not longest:
+        return [
+            f"{loop}, is not string stable, nor is it at any other run.step{count}: raise "
+            "time_headway and lower run.step"
+        ]
+    return [
+        f"{loop}, is not string stable; it is below {rounded_down(longest)} s{count}: "
+        "lower run.step"
+    ]
+
+
+def _growth_with_packets(
+    scenario: Scenario, verdicts: Sequence[FollowerVerdict], *, equal: bool
+) -> Iterator[str]:
+    """Say where the packets of a run make errors grow, or where no theorem covers them."""
+    rare = [one for one in verdicts if one.certificate is not None and one.certificate.rare]
+    if rare and not equal:
+        yield (
+            "packets have a period of their own on unequal links: growth per hop is proven of "
+            "equal ones alone"
+        )
+    elif rare and not send_together(scenario):
+        yield (
+            "packets have a period of their own and links send at different instants (v2v.phase): "
+            "growth per hop is proven where all send at the same ones"
+        )
+    growing = {
+        one.follower: one.certificate.v2v_growth
+        for one in verdicts
+        if one.certificate is not None
+        and one.certificate.v2v_growth is not None
+        and one.certificate.v2v_growth.growth > 1.0
+    }
+    if not growing:
+        return
+    worst = max(growing, key=lambda follower: growing[follower].growth)
+    follower = scenario.follower(worst)
+    times = packet_times(follower, scenario.run.step)
+    were = f", {IF_INDEPENDENT}" if holds_in_bursts(follower) else ""
+    count = "" if len(growing) == len(verdicts) else f" (vehicle {worst}, {len(growing)} in all)"
+    found = growing[worst]
+    where = " of a platoon of such followers" if len(verdicts) == 1 else ""
+    yield (
+        f"with {times}{were}, accelerations grow in the mean by {found.growth:.6g} per hop{where} "
+        f"at {found.omega:.4g} rad/s, lag {found.tau:g} s and k = {found.k_effective:.4g}{count}: "
+        "send more often, or take gains that bear it (platoon design --v2v-period)"
+    )
+
+
 def _own_code(scenario: Scenario) -> list[str]:
     """Name custom channels and laws, of which nothing is proven."""
     channels = sorted({f.v2v.channel for f in scenario.followers if f.v2v.channel})
@@ -42,19 +118,54 @@ def _own_code(scenario: Scenario) -> list[str]:
     ]
 
 
+def holds_in_bursts(follower: Follower) -> bool:
+    """Return whether it holds the last packet while losses come in bursts."""
+    return follower.v2v.burst_begin > 0.0 and follower.holds
+
+
+def blackouts(scenario: Scenario) -> list[tuple[float, float]]:
+    """Return begin and end [s] of each blackout that begins before the run ends."""
+    step = scenario.run.step
+    found = {
+        (round(begin * step, 9), round(end * step, 9))
+        for receiver in scenario.receivers
+        for begin, end in receiver.blackouts
+    }
+    return sorted(pair for pair in found if pair[0] < scenario.run.duration)
+
+
+def holds_again(
+    scenario: Scenario, fallback: Sequence[FallbackUse], void: Sequence[str]
+) -> float | None:
+    """Return when all that voids a certificate is over [s], None where that is not within the run.
+
+    Blackouts end, and vehicles that fell back come back.
+
+    Examples
+    --------
+    >>> scenario = Scenario.from_values({"v2v.blackouts": [10.0, 12.0, 30.0, 31.5]})
+    >>> holds_again(scenario, [], ["no packets come in blackouts"])
+    31.5
+    """
+    dark = [end for _, end in blackouts(scenario)]
+    back = [one.end for one in fallback if one.turns]
+    ends = [max(times) for times in (dark, back) if times]
+    over = bool(ends) and len(ends) == len(void) and max(ends) < scenario.run.duration
+    return max(ends) if over else None
+
+
 def _bursts_and_blackouts(scenario: Scenario) -> list[str]:
     """Name losses of which no theorem knows."""
-    receivers = scenario.receivers
     found = []
-    if any(f.v2v.burst_begin and f.holds for f in receivers):
+    if any(holds_in_bursts(receiver) for receiver in scenario.receivers):
         found.append(
             "packets are lost in bursts (v2v.burst_begin) while the last one is held: what is "
             "proven is of losses that do not depend on each other"
         )
-    if times := sorted({f.v2v.blackouts for f in receivers if f.v2v.blackouts}):
-        begin, end = times[0][0], times[0][-1]
+    if dark := blackouts(scenario):
         found.append(
-            f"no packets come in blackouts from {begin:g} s on, until {end:g} s (v2v.blackouts): "
+            f"no packets come in blackouts from {dark[0][0]:g} s on, until "
+            f"{max(end for _, end in dark):g} s (v2v.blackouts): "
             "without them the headway is that of no communication, for which nothing is proven "
             "below 2 tau0"
         )

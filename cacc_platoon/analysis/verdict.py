@@ -12,10 +12,20 @@ from cacc_platoon.analysis.basis import Bases, arrival, bases_of
 from cacc_platoon.analysis.consistency import Consistency
 from cacc_platoon.analysis.fallback import FallbackUse
 from cacc_platoon.analysis.follower_verdict import FollowerVerdict
-from cacc_platoon.analysis.guarantee import guarantee_of, noise_statistics, of_unequal
+from cacc_platoon.analysis.guarantee import (
+    guarantee_of,
+    noise_statistics,
+    of_alone,
+    of_unequal,
+)
 from cacc_platoon.analysis.noise import LinkNoise
-from cacc_platoon.analysis.packets import growth_with_packets, packet_times
-from cacc_platoon.analysis.premises import broken_premises, other_laws
+from cacc_platoon.analysis.packets import packet_times
+from cacc_platoon.analysis.premises import (
+    broken_premises,
+    holds_again,
+    missed_by_the_loop,
+    other_laws,
+)
 from cacc_platoon.errors import UserError
 from cacc_platoon.scenario import Follower, Scenario
 from cacc_platoon.theory import (
@@ -26,7 +36,6 @@ from cacc_platoon.theory import (
     explain_failure,
     guarantees,
     is_string_stable,
-    rounded_down,
 )
 
 JUDGED_BY = (
@@ -63,6 +72,10 @@ class Verdict:
         Whether some follower has another control law, of which nothing is certified.
     void : tuple of str
         Why the certificate does not apply to this run; empty when it does.
+    holds_from : float or None
+        When the last blackout ends, or the last vehicle that fell back comes back [s], from which
+        on it holds again of what the leader does; None where that is not all that voids it, or the
+        run ends before.
     followers : tuple of FollowerVerdict
         One by one.
     weakest : FollowerVerdict
@@ -79,6 +92,7 @@ class Verdict:
     equal_links: bool
     another_law: bool
     void: tuple[str, ...]
+    holds_from: float | None
     followers: tuple[FollowerVerdict, ...]
     weakest: FollowerVerdict
     end_to_end_gain: float
@@ -89,9 +103,30 @@ class Verdict:
         return str(self.bases)
 
     @property
+    def alone(self) -> bool:
+        """Whether there is one follower, and no hop but that from the leader to it."""
+        return len(self.followers) == 1
+
+    @property
+    def hop(self) -> str:
+        """Which hops ratios are of, those from a leader that does as it likes left aside."""
+        return "of a platoon of such followers" if self.alone else "between followers"
+
+    @property
     def certified(self) -> bool:
         """Whether string stability is proven for this run: stable, and nothing void."""
         return self.string_stable and not self.void
+
+    @property
+    def afterwards(self) -> str:
+        """From when on it holds again, and of what; empty where it never was void or stays so."""
+        if self.holds_from is None:
+            return ""
+        return (
+            f"from {self.holds_from:g} s on, when that is over, the statement about the mean system "
+            "holds again of what the leader does from then on; what was left of it comes on top, "
+            "and dies away"
+        )
 
     @property
     def undecided(self) -> bool:
@@ -113,7 +148,14 @@ class Verdict:
         """What is proven, of which signal, in which norm, for which noise and links."""
         good = self.string_stable and not self.another_law
         certificates = [one.certificate for one in self.followers if good and one.certificate]
-        return guarantee_of(certificates, equal_links=self.equal_links, equal_lags=self.equal_lags)
+        said = guarantee_of(
+            certificates,
+            equal_links=self.equal_links,
+            equal_lags=self.equal_lags,
+            alone=self.alone,
+        )
+        nothing = said.startswith("nothing")
+        return said if nothing else f"{said}{self.bases.if_so}{self.bases.apart}"
 
     @property
     def guarantees(self) -> tuple[Guarantee, ...]:
@@ -122,6 +164,8 @@ class Verdict:
         if certificate is None or self.another_law:
             return ()
         rows = guarantees(certificate, equal_links=self.equal_links)
+        if self.alone:
+            return tuple(of_alone(row, certificate) for row in rows)
         if self.equal_links:
             return rows
         everyone = [one.certificate for one in self.followers if one.certificate]
@@ -184,6 +228,10 @@ def judge(
         verdicts.append(_realised(seen[key], follower, mean))
     stable = all(verdict.string_stable for verdict in verdicts)
     equal = len(seen) == 1 and len({(f.tau, f.v2v, f.law_name) for f in scenario.followers}) == 1
+    void = (
+        *missed_by_the_loop(scenario, verdicts, equal=equal),
+        *broken_premises(scenario, noise or [], reception or [], consistency, fallback or []),
+    )
     return Verdict(
         stable,
         all(verdict.in_paper_region for verdict in verdicts),
@@ -191,11 +239,8 @@ def judge(
         len({follower.tau for follower in scenario.followers}) == 1,
         equal,
         bool(other_laws(scenario)),
-        (
-            *_sampled_too_slowly(verdicts),
-            *growth_with_packets(scenario, verdicts, equal=equal),
-            *broken_premises(scenario, noise or [], reception or [], consistency, fallback or []),
-        ),
+        void,
+        holds_again(scenario, fallback or [], void) if stable else None,
         tuple(verdicts),
         _weakest(scenario, verdicts),
         _end_to_end(scenario, verdicts),
@@ -238,30 +283,6 @@ def _weakest(scenario: Scenario, verdicts: list[FollowerVerdict]) -> FollowerVer
         return not one.string_stable, one.decided, one.l2_gain, loss, -min(one.margins)
 
     return max(verdicts, key=weakness)
-
-
-def _sampled_too_slowly(verdicts: list[FollowerVerdict]) -> list[str]:
-    """Say that the continuous loops of some followers pass the test and the sampled ones fail."""
-    lost = [
-        (one.certificate.critical_period, one.follower, one.certificate)
-        for one in verdicts
-        if one.certificate is not None and one.string_stable and not one.sampled
-    ]
-    if not lost:
-        return []
-    longest, worst, certificate = min(lost, key=lambda one: one[:2])
-    held = " with the last packet held" if certificate.held < 1.0 else ""
-    alone, count = (" alone", "") if len(lost) == 1 else ("", f" ({len(lost)} vehicles in all)")
-    loop = f"the loop of vehicle {worst}{alone}, sampled every {certificate.period:g} s{held}"
-    if not longest:
-        return [
-            f"{loop}, is not string stable, nor is it at any other run.step{count}: raise "
-            "time_headway and lower run.step"
-        ]
-    return [
-        f"{loop}, is not string stable; it is below {rounded_down(longest)} s{count}: "
-        "lower run.step"
-    ]
 
 
 def _realised(verdict: FollowerVerdict, follower: Follower, mean: float) -> FollowerVerdict:

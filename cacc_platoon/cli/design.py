@@ -84,7 +84,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     limits.add_argument(
         "--min-gap",
         type=float,
-        help="least gap of 12 followers over all brakings of the leader [m], in the mean",
+        help="least gap of 12 followers over all brakings of the leader [m], in the mean and in "
+        "continuous time: latency, V2V period and held packets left out",
     )
     limits.add_argument("--braking", type=float, default=8.0, help="its deceleration [m/s^2] (8)")
     limits.add_argument("--speed", type=float, default=25.0, help="the speed before it [m/s] (25)")

@@ -52,7 +52,8 @@ class Requirements:
         Time from packet to packet [s], a whole multiple of `period`, with the acceleration held in
         between; None for a packet every control period.
     min_gap : float or None
-        Least gap [m] over all brakings of the leader with up to `braking` from `speed` to rest.
+        Least gap [m] over all brakings of the leader with up to `braking` from `speed` to rest, in
+        the mean and in continuous time; `latency`, `v2v_period` and held packets are left out.
     braking, speed, standstill_gap : float
         Deceleration [m/s^2], speed [m/s], and gap at rest [m]: ``d`` less the vehicle's length.
     max_linf : float or None
@@ -147,7 +148,8 @@ class Requirements:
             gap = self.worst_gap(certificate)
             if gap < self.min_gap:
                 missed.append(
-                    f"worst gap {gap:.4g} m of {_FOLLOWERS} followers is below {self.min_gap:.4g} m"
+                    f"worst gap {gap:.4g} m of {_FOLLOWERS} followers, in the mean and in "
+                    f"continuous time{self._left_out_of_gap()}, is below {self.min_gap:.4g} m"
                 )
         for name in ("k_a", "time_headway"):
             given, own = getattr(self, name), getattr(certificate.gains, name)
@@ -181,9 +183,9 @@ class Requirements:
         ]
 
     def worst_gap(self, certificate: Certificate) -> float:
-        """Least gap [m] of the first 12 followers over all brakings, in the mean, without losses.
+        """Least gap [m] of the first 12 followers over all brakings, as `min_gap` says.
 
-        Of both ends of I and the lags of `SHARES`.
+        Of both ends of I, which losses that count as zero lower, and the lags of `SHARES`.
         """
         gaps = worst_spacing(
             certificate.gains,
@@ -196,6 +198,16 @@ class Requirements:
             steps=10.0,
         )
         return float(np.min(gaps))
+
+    def _left_out_of_gap(self) -> str:
+        """Name what is asked for and does not count in the worst gap."""
+        parts = {
+            "latency": self.latency > 0.0,
+            "V2V period": self.v2v_period is not None,
+            "losses": self.hold and self.reception < 1.0,
+        }
+        names = [name for name, asked in parts.items() if asked]
+        return f" without {', '.join(names)}" if names else ""
 
     def _losing(self) -> str:
         if self.reception == 1.0:

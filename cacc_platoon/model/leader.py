@@ -67,17 +67,18 @@ class SinePulse:
             self._amplitude * math.sin(phase),
         )
 
-    def least_acceleration(self, begin: float, end: float) -> float:
-        """Return the least acceleration [m/s^2] from `begin` to `end` [s].
+    def acceleration_range(self, begin: float, end: float) -> tuple[float, float]:
+        """Return the least and the largest acceleration [m/s^2] from `begin` to `end` [s].
 
         Examples
         --------
-        >>> SinePulse(25.0, 0.5, 1.0, start=0.0).least_acceleration(4.0, 5.0)
-        -0.5
+        >>> SinePulse(25.0, 0.5, 1.0, start=0.0).acceleration_range(0.0, 5.0)
+        (-0.5, 0.5)
         """
-        lowest = self._start + (1.5 if self._amplitude > 0 else 0.5) * math.pi / self._omega
-        inside = [lowest] if begin < lowest < end else []
-        return min(self.at(time).acceleration for time in (begin, *inside, end))
+        turns = [self._start + quarters * math.pi / self._omega for quarters in (0.5, 1.5)]
+        times = (begin, *(turn for turn in turns if begin < turn < end), end)
+        found = [self.at(time).acceleration for time in times]
+        return min(found), max(found)
 
 
 class PiecewiseConstantAcceleration:
@@ -112,16 +113,18 @@ class PiecewiseConstantAcceleration:
         """Return the leader's state at `time` [s] >= 0."""
         return self._advance(bisect_right(self._times, time) - 1, time)
 
-    def least_acceleration(self, begin: float, end: float) -> float:
-        """Return the least acceleration [m/s^2] from `begin` until just before `end` [s].
+    def acceleration_range(self, begin: float, end: float) -> tuple[float, float]:
+        """Return the least and the largest one [m/s^2] from `begin` until just before `end` [s].
 
         Examples
         --------
-        >>> PiecewiseConstantAcceleration(25.0, [0.2, 0.4], [-5.0, 0.0]).least_acceleration(0, 1)
-        -5.0
+        >>> brake = PiecewiseConstantAcceleration(25.0, [0.2, 0.4], [-5.0, 0.0])
+        >>> brake.acceleration_range(0, 1)
+        (-5.0, 0.0)
         """
         first = bisect_right(self._times, begin) - 1
-        return min(self._accelerations[first : max(bisect_left(self._times, end), first + 1)])
+        found = self._accelerations[first : max(bisect_left(self._times, end), first + 1)]
+        return min(found), max(found)
 
     def _advance(self, index: int, time: float) -> State[float]:
         position, velocity, _ = self._knots[index]
@@ -235,6 +238,23 @@ def _bad_row(path: Path, number: int, row: list[str], why: str) -> UserError:
     return UserError(f"{path}: row {number} ({','.join(row)}) {why}. Correct the row.")
 
 
+_Known = SinePulse | PiecewiseConstantAcceleration
+
+
+def largest_acceleration(profile: LeaderProfile, end: float) -> float:
+    """Return the largest absolute acceleration [m/s^2] until `end` [s]; 0 of one that says none.
+
+    Examples
+    --------
+    >>> largest_acceleration(brake_profile(25.0, 5.0, 0.123, 24.99), end=10.0)
+    5.0
+    """
+    if not isinstance(profile, _Known):
+        return 0.0
+    least, most = profile.acceleration_range(0.0, end)
+    return max(-least, most)
+
+
 def least_accelerations(
     profile: LeaderProfile, step: float, samples: int
 ) -> npt.NDArray[np.float64]:
@@ -243,8 +263,8 @@ def least_accelerations(
     Of a motion that does not say, the lesser of the two: under a held command it is.
     """
     times = [k * step for k in range(samples)]
-    if isinstance(profile, SinePulse | PiecewiseConstantAcceleration):
-        return np.array([profile.least_acceleration(*pair) for pair in pairwise(times)])
+    if isinstance(profile, _Known):
+        return np.array([profile.acceleration_range(*pair)[0] for pair in pairwise(times)])
     found = np.array([profile.at(time).acceleration for time in times])
     return np.asarray(np.minimum(found[1:], found[:-1]), np.float64)
 

@@ -247,6 +247,7 @@ def verdict_document(verdict: Verdict) -> dict[str, Any]:
         "guarantees": [row._asdict() for row in verdict.guarantees],
         "basis": verdict.basis,
         "void": list(verdict.void),
+        "holds_from": verdict.holds_from,
         "paper": {"string_stable": verdict.in_paper_region, "basis": verdict.bases.paper},
         "loop": weakest.loop,
         "l2_gain": weakest.l2_gain,

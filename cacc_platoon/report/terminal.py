@@ -70,8 +70,9 @@ def _verdict_lines(report: Report) -> list[str]:
         f"[{low:.4g}, {high:.4g}]{whose}: {passed}",
         f"  sup|H| = {weakest.l2_gain:.9g} (L2, in the mean){weakest.of_loop}{which}",
         *_margin_lines(weakest),
-        f"  peaks of a_i grow per hop by a factor of {verdict.sure_gain:.6g} at most whatever the "
-        f"noise does, {verdict.linf_gain:.6g} in the mean in continuous time{_linf_of(report)}",
+        f"  peaks of a_i grow per hop {verdict.hop} by a factor of {verdict.sure_gain:.6g} at most "
+        f"whatever the noise does{verdict.bases.apart}, {verdict.linf_gain:.6g} in the mean in "
+        f"continuous time{_linf_of(report)}",
         *_mean_square_line(verdict),
         f"  paper's Theorem 2 (sufficient){verdict.bases.of_loop}: "
         + ("passed" if verdict.in_paper_region else "failed"),
@@ -79,6 +80,7 @@ def _verdict_lines(report: Report) -> list[str]:
     lines += [f"  packet loss: {basis.text}" for basis in verdict.bases.losses]
     lines += [f"  packets: {basis.text}" for basis in verdict.bases.packets]
     lines += [f"  VOID for this run: {reason}" for reason in verdict.void]
+    lines += [f"  {verdict.afterwards}"] if verdict.afterwards else []
     return lines
 
 

@@ -34,6 +34,8 @@ def verdict_section(report: Report, metrics: dict[str, Any]) -> str:
             f"{collided[1]:g} s.</p>"
         )
     lines += [f"<p><b>Void for this run:</b> {as_html(why)}.</p>" for why in verdict.void]
+    if verdict.afterwards:
+        lines.append(f"<p><b>Afterwards:</b> {as_html(verdict.afterwards)}.</p>")
     return (
         f'<header class="verdict {kind}"><h1>{sign} {as_html(report.headline.capitalize())}'
         f"</h1><p><b>{html.escape(scenario.name)}</b>: {counted(scenario.platoon.followers)}, "
@@ -57,12 +59,13 @@ def _guarantee_section(verdict: Verdict) -> str:
     heads = ("signal", "in the mean", "in the mean square", "whatever the noise does")
     note = (
         "For every lag up to tau0, in continuous time but for the mean square, which is of the "
-        "sampled loop; sampled, peaks grow a little more, as the table below says of a_i. "
+        "sampled loop and of a leader whose acceleration is held between control instants; "
+        "sampled, peaks grow a little more, as the table below says of a_i. "
         "In the mean: expectations, with every E[w] the SNR permits. In the mean "
         "square: the energy that the noise of this scenario adds, independent between links. "
         "Whatever the noise does: every run, with w anywhere within the SNR at every instant"
-        f"{lost}. Where links have unequal E[w_i], one run's means over long holds of w included, "
-        "spacing errors may grow although accelerations do not."
+        f"{lost}{verdict.bases.apart}. Where links have unequal E[w_i], one run's means over long "
+        "holds of w included, spacing errors may grow although accelerations do not."
     )
     return f"<h2>What is guaranteed{whose}</h2>{text_table(heads, rows)}<p>{as_html(note)}</p>\n"
 
@@ -100,13 +103,16 @@ def _meaning(report: Report) -> str:
     if verdict.string_stable:
         slow = any(one.holds and not one.sampled for one in verdict.followers)
         subject = "Sampled fast enough, " if slow else ""
-        said = f"{subject}{verdict.guarantee}{mean}"
+        said = f"{subject}{verdict.guarantee}"
         return f"{said[0].upper()}{said[1:]}: {weakest.gain}. {course}"
     if verdict.undecided:
         return f"The gains cannot be certified: {weakest.reason} {course}"
     who = "" if verdict.equal_links else f"vehicle {weakest.follower}, "
+    grow = "The follower may amplify disturbances"
+    if not verdict.alone:
+        grow = "Disturbances may grow from vehicle to vehicle"
     return (
-        f"Disturbances may grow from vehicle to vehicle{mean}: {who}{weakest.reason}; sup|H| = "
+        f"{grow}{mean}: {who}{weakest.reason}; sup|H| = "
         f"{weakest.l2_gain:.9g} at {weakest.peak_frequency:.6g} rad/s{weakest.of_loop}. "
         f"{weakest.remedy}. {course}"
     )
@@ -124,24 +130,35 @@ def _certificate_rows(report: Report) -> Iterator[tuple[str, str, str]]:
     unknown = verdict.undecided
     yield "String stable, robustly (L2)", _answer(verdict.string_stable, unknown), bases.exact
     yield "Paper's own test", _answer(verdict.in_paper_region, unknown), bases.paper
-    loops = "the loop under zero-order hold" + (", with what losses leave" if bases.losses else "")
+    left = f", with what losses leave{bases.if_so}" if bases.losses else ""
+    loops = f"the loop under zero-order hold{left}"
     yield (
         "Sampled at the control period",
         _answer(all(one.sampled for one in verdict.followers), unknown),
         f"exact test (L2) of {loops}, at {report.run.grid.step / 1e9:g} s, each vehicle behind one "
-        "of the same lag; at 17 lags up to tau0 and without lag",
+        "of the same lag; at 22 lags up to tau0 and without lag",
     )
     for loss in bases.losses:
         concerned = [one for one in verdict.followers if one.follower in loss.followers]
         fails = any(one.decided and not _with_loss(one) for one in concerned)
         open_ = not fails and not all(one.decided for one in concerned)
-        yield "With packet loss, in the mean", _answer(not fails, open_), loss.text
+        void = "void: " if loss.if_so else ""
+        answer = f"{void}{_answer(not fails, open_)}{loss.if_so}"
+        yield f"With packet loss, in the mean{bases.apart}", answer, loss.text
     for packets in bases.packets:
         concerned = [one for one in verdict.followers if one.follower in packets.followers]
         grown = [one.certificate.v2v_growth for one in concerned if one.certificate]
         growth = max((one.growth for one in grown if one), default=math.nan)
-        yield "Growth per hop with these packets, in the mean, at most", _g(growth), packets.text
-    yield "Ratio of peaks of a_i per hop, in every run, at most", _g(verdict.sure_gain), bases.sure
+        yield (
+            f"Growth per hop with these packets, in the mean{bases.apart}, at most",
+            f"{_g(growth)}{packets.if_so}",
+            packets.text,
+        )
+    yield (
+        f"Ratio of peaks of a_i per hop {verdict.hop}, in every run{bases.apart}, at most",
+        _g(verdict.sure_gain),
+        bases.sure,
+    )
     yield "The same in the mean, at most", _g(verdict.linf_gain), bases.linf
     if not verdict.equal_links:
         yield (
@@ -150,14 +167,14 @@ def _certificate_rows(report: Report) -> Iterator[tuple[str, str, str]]:
             "certified link by link on a_i = H_i a_{i-1}; delta_i = H delta_{i-1} needs equal "
             "followers",
         )
-    kept = " without losses" if bases.losses else ""
+    kept = " without losses" if any(one.holds for one in verdict.followers) else ""
     if braking := report.worst_braking:
         yield (
             f"Least gap over all brakings, up to {braking.deceleration:g} m/s^2 from "
             f"{braking.speed:g} m/s",
             f"{braking.gap:.2f} m" + (": collision" if braking.gap <= 0 else ""),
-            f"in the mean{kept}, from the equilibrium spacing: the leader brakes "
-            "whenever it hurts most, not only once; least of both ends of I, of "
+            f"in the mean{kept}{bases.apart}, in continuous time, from the equilibrium spacing: "
+            "the leader brakes whenever it hurts most, not only once; least of both ends of I, of "
             f"lags of {', '.join(f'{share:g}' for share in SHARES)} tau0, and of "
             + counted(braking.vehicles, "the first"),
         )

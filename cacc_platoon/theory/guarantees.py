@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from cacc_platoon.theory.certificate import Certificate
     from cacc_platoon.theory.peak_gains import WorstGain
 
-__all__ = ["Guarantee", "guarantees", "largest_peaks"]
+__all__ = ["Guarantee", "guarantees", "largest_peaks", "left_out"]
 
 NONE = "-"
 _RINGS = "the loop rings too long for a bound"
@@ -64,12 +64,12 @@ def guarantees(certificate: Certificate, *, equal_links: bool = True) -> tuple[G
     peaks of a_i | grow by a factor of at most 1.04 per hop (no lag above 1.05)
     """
     stable = certificate.string_stable
-    of_loop = _left_out(certificate)
+    of_loop = left_out(certificate)
     gain = f"sup|H| = {certificate.l2_gain:.7g}{of_loop}"
     return (
         Guarantee(
             "energy of a_i",
-            _at_its_rate(certificate)
+            _with_packets(certificate)
             or (f"does not grow: {gain}" if stable else f"may grow: {gain}"),
             _mean_square(certificate),
             "no design that listens keeps it from growing" if certificate.gains.k_a else _SILENT,
@@ -94,16 +94,16 @@ def largest_peaks(certificates: Sequence[Certificate]) -> Guarantee:
     def largest(gains: Iterable[WorstGain]) -> WorstGain:
         return max(gains, key=lambda worst: worst.gain)
 
-    left_out = max((_left_out(one) for one in certificates), key=len)
+    parts = max((left_out(one) for one in certificates), key=len)
     return Guarantee(
         "peaks of a_i",
-        _known(lambda: _peaks(largest(one.worst_linf_gain for one in certificates))) + left_out,
+        _known(lambda: _peaks(largest(one.worst_linf_gain for one in certificates))) + parts,
         NONE,
         _known(lambda: _peaks(largest(one.worst_sure_gain for one in certificates))),
     )
 
 
-def _left_out(certificate: Certificate) -> str:
+def left_out(certificate: Certificate) -> str:
     """Say what the gains of the mean loop, which is in continuous time, leave out."""
     losses = ["losses"] if certificate.held < 1.0 else []
     parts = [*losses, *(["latency"] if certificate.latency else [])]
@@ -111,13 +111,17 @@ def _left_out(certificate: Certificate) -> str:
     return f", of the loop without {' and '.join(parts)}" if parts else ""
 
 
-def _at_its_rate(certificate: Certificate) -> str:
-    """Say what holds in the long run where packets have a period of their own, else nothing."""
-    if not certificate.rare or certificate.v2v_growth is None:
+def _with_packets(certificate: Certificate) -> str:
+    """Say what holds in the long run where packets are rare, or so late that errors grow."""
+    found = certificate.v2v_growth
+    if found is None or not (certificate.rare or found.growth > 1.0):
         return ""
-    growth = certificate.v2v_growth.growth
-    grows = f"grows by {growth:.6g} per hop in the long run" if growth > 1 else "does not grow"
-    return f"{grows} with a packet every {certificate.v2v_period:g} s, sent at the same instants"
+    grows = f"grows by {found.growth:.6g} per hop" if found.growth > 1.0 else "does not grow"
+    late = f", {certificate.latency:g} s late" if certificate.latency else ""
+    return (
+        f"{grows} in the long run with a packet every {certificate.v2v_period:g} s{late}, sent at "
+        "the same instants"
+    )
 
 
 def _known(say: Callable[[], str]) -> str:
@@ -135,7 +139,7 @@ def _mean_square(certificate: Certificate) -> str:
     if math.isnan(index):
         return "not known: packets are lost or late, or the noise is as good as frozen"
     if index >= 1.0:
-        return f"grows from vehicle to vehicle at some lag: {given}"
+        return f"grows along a platoon of such followers at some lag: {given}"
     if index == 0.0:
         return "no noise is given"
     if noise.redraw_period > 1.5 * certificate.period:
@@ -168,14 +172,16 @@ def _peaks(worst: WorstGain) -> str:
 
 
 def _error_energy(certificate: Certificate, *, equal: bool) -> str:
-    if not certificate.string_stable:
+    growth = certificate.v2v_growth
+    if not certificate.string_stable or (growth is not None and growth.growth > 1.0):
         return "may grow"
     if certificate.rare:
         return "not known: packets have a period of their own"
     if equal:
-        return "does not grow from the second vehicle on"
+        parts = left_out(certificate) if growth is None else ""
+        return f"does not grow from the second vehicle on{parts}"
     most = f"may grow; at most {certificate.leader_error_gain:.4g} s^2 |a_0|_2"
-    return most + _left_out(certificate)
+    return most + left_out(certificate)
 
 
 def _error_peaks(certificate: Certificate) -> str:

@@ -174,7 +174,7 @@ def leader_error_gain(gains: Gains, tau: float, k_effective: float) -> float:
 
 
 def worst_leader_error_gain(gains: Gains, tau_max: float, ends: tuple[float, ...]) -> float:
-    """`leader_error_gain`, largest of 17 lags up to `tau_max` and none, at an end of I.
+    """`leader_error_gain`, largest of 22 lags up to `tau_max` and none, at an end of I.
 
     It is convex in ``k``.
 

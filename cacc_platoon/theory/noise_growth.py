@@ -187,7 +187,7 @@ def _held(gains: Gains, tau: float, k: float, period: float, n: int) -> float:
 def worst_mean_square_index(
     gains: Gains, tau_max: float, k_effective: float, period: float, noise: NoiseStatistics
 ) -> float:
-    """`sampled_mean_square_index`, largest of 17 lags up to `tau_max`, the first next to none.
+    """`sampled_mean_square_index`, largest of 22 lags up to `tau_max`, the first next to none.
 
     Examples
     --------

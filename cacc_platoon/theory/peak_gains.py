@@ -220,7 +220,7 @@ def sampled_sure_gain(
     late: bool = False,
     tau: float | None = None,
 ) -> float:
-    """`sure_gain` of the loop sampled at `period`, largest of 17 lags and the plant without lag.
+    """`sure_gain` of the loop sampled at `period`, largest of 22 lags and the plant without lag.
 
     ``sum |h_c[n]| + r sum |v[n]|``: term by term while more than one mode is alive, then by the
     sum of their sizes. Accelerations are largest at control instants, so that it bounds those of

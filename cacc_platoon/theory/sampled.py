@@ -48,7 +48,8 @@ __all__ = [
     "stable_at",
 ]
 
-LAG_FRACTIONS = np.concatenate(([0.0], np.linspace(0.0, 1.0, 17)[1:]))
+LAG_FRACTIONS = np.concatenate(([0.0], 2.0 ** np.arange(-10, -4), np.linspace(0.0, 1.0, 17)[1:]))
+"""Of the largest lag: none, evenly, and halved down to 1/1024, for lags as short as a period."""
 
 
 class SampledHop(NamedTuple):

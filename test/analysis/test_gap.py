@@ -114,6 +114,24 @@ def test_a_leader_that_turns_between_samples_is_seen():
     assert metrics.sure_min_gap[0] <= nearest
 
 
+def test_the_largest_acceleration_of_a_leader_is_that_of_its_profile():
+    """All samples of this one are at constant speed, and yet there are errors."""
+    table = {"leader.times": (0.0, 1.02, 1.05, 1.08), "leader.speeds": (25.0, 25.0, 26.0, 25.0)}
+    rare = {"run.step": 0.1, "run.duration": 5.0, "leader.profile": "csv"}
+    scenario = Scenario.from_values({**table, **rare, "platoon.followers": 1})
+    run = simulate(scenario)
+    metrics = compute_metrics(run)
+    assert not run.acceleration[:, 0].any()
+    assert metrics.max_abs_acceleration[0] == pytest.approx(1.0 / 0.03)
+    certificate = judge(scenario).weakest.certificate
+    assert certificate is not None
+    error = certificate.worst_sure_error_gain.at_most
+    assert 0.0 < metrics.max_abs_spacing_error[0] <= error * metrics.max_abs_acceleration[0]
+    sine = {"run.duration": 30.0, "platoon.followers": 1, "leader.amplitude": -3.0}
+    metrics = compute_metrics(simulate(Scenario.from_values({**sine, "run.step": 0.1})))
+    assert metrics.max_abs_acceleration[0] == 3.0
+
+
 def test_the_least_gap_is_looked_for_at_short_lags():
     """Design E: nearer at a hundredth of the lag than at a tenth."""
     gains = {"time_headway": 0.75, "k_a": 0.5, "k_v": 0.8, "k_p": 0.5}
@@ -150,3 +168,21 @@ def test_the_worst_of_all_brakings_is_below_a_straight_stop():
         assert found.gap <= stopped.min_gap.min() + 0.02
     unequal = Scenario.from_values(stop, {2: {"controller.k_v": 0.7}})
     assert worst_braking(unequal, judge(unequal)) is None
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        ({}, "in the mean and in continuous time, is below"),
+        ({"latency": 0.01}, "continuous time without latency, is below"),
+        ({"reception": 0.9}, "continuous time, is below"),
+        (
+            {"v2v_period": 0.02, "latency": 0.01, "reception": 0.9, "hold": True},
+            "continuous time without latency, V2V period, losses, is below",
+        ),
+    ],
+)
+def test_a_gap_that_is_missed_says_what_it_leaves_out(asked, said):
+    requirements = Requirements(min_gap=4.99, **asked)
+    missed = assess(Gains(0.95, 0.5, 0.63, 0.009), 5.0, 0.5, requirements).unmet
+    assert [text for text in missed if text.startswith("worst gap") and said in text]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cacc_platoon.analysis import judge
-from cacc_platoon.model import Gains
+from cacc_platoon.model import Gains, State, ThirdOrderPlant
 from cacc_platoon.report.metrics_json import verdict_document
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.simulation import simulate, simulate_mean
@@ -33,7 +33,7 @@ def test_links_with_unequal_means_multiply_spacing_errors_and_the_verdict_says_s
     assert verdict.string_stable
     assert not verdict.equal_links
     said = verdict.guarantee
-    assert "|a_i|_2 does not grow from vehicle to vehicle" in said
+    assert "|a_i|_2 does not grow from follower to follower" in said
     assert "spacing errors may" in said
     mean = simulate_mean(scenario)
     peaks = np.max(np.abs(mean.spacing_error), axis=0)
@@ -77,7 +77,7 @@ def test_sampled_accelerations_may_grow_where_lags_differ_and_the_verdict_says_s
     assert growth.max() > 1.005, growth
     same = Scenario.from_values({**scenario.values(), "vehicle.tau": 0.4})
     assert judge(same).equal_links
-    assert "continuous time" not in judge(same).guarantee
+    assert "some hops" not in judge(same).guarantee
 
 
 def test_peaks_of_unequal_vehicles_are_those_of_the_worst():
@@ -95,7 +95,7 @@ def test_energy_grows_from_an_index_of_one_on(variance, grows):
     index = certify(gains, 5.0, 0.5, noise=NoiseStatistics(1.0, 1.0)).mean_square_index
     noise = NoiseStatistics(1.0, variance / index)
     said = guarantees(certify(gains, 5.0, 0.5, noise=noise))[0].mean_square
-    assert ("grows from vehicle to vehicle" in said) is grows
+    assert ("grows along a platoon" in said) is grows
 
 
 def test_frozen_noise_may_grow_from_a_negative_margin_on():
@@ -116,7 +116,10 @@ def test_frozen_noise_may_grow_from_a_negative_margin_on():
 def test_equal_links_keep_spacing_errors_too():
     scenario = Scenario.from_values(SETTINGS)
     verdict = judge(scenario)
-    assert verdict.guarantee.endswith("|a_i|_2 and |delta_i|_2 do not grow from vehicle to vehicle")
+    said = (
+        "|a_i|_2 and |delta_i|_2 do not grow from follower to follower, nor, in continuous time, "
+    )
+    assert verdict.guarantee.endswith(f"{said}|a_i|_2 from the leader to the first")
     assert (np.diff(errors(simulate_mean(scenario))) <= 1e-9).all()
     document = verdict_document(verdict)
     assert document["guarantee"] == verdict.guarantee
@@ -148,7 +151,9 @@ def test_noise_beyond_the_channel_may_grow_in_the_mean_square_where_the_mean_is_
     wild = NoiseStatistics(1.0, 400.0, 0.01)
     rows = guarantees(certify(Gains(0.95, 0.5, 0.63, 0.009), 5.0, 0.5, noise=wild))
     assert rows[0].mean == "does not grow: sup|H| = 1"
-    assert rows[0].mean_square.startswith("grows from vehicle to vehicle at some lag: c_T = ")
+    assert rows[0].mean_square.startswith(
+        "grows along a platoon of such followers at some lag: c_T = "
+    )
     assert rows[-1].mean_square.startswith("E|a_i(jw)|^2 may grow: margin -")
 
 
@@ -194,3 +199,113 @@ def test_the_bound_of_unequal_errors_is_of_the_loop_without_losses():
     assert verdict.string_stable
     assert verdict.guarantee.endswith("|a_0|_2, of the loop without losses")
     assert verdict.guarantees[2].mean.endswith("|a_0|_2, of the loop without losses")
+
+
+def test_of_one_follower_only_the_hop_from_its_leader_is_spoken():
+    """Energies of its acceleration and its error in the mean system, against what is said."""
+    scenario = Scenario.from_values({**SETTINGS, "platoon.followers": 1})
+    verdict = judge(scenario)
+    said = [verdict.guarantee, *map(str, verdict.guarantees), verdict.basis]
+    assert not [text for text in said if "to vehicle" in text or "second vehicle" in text], said
+    assert "delta_{i-1}" not in verdict.basis
+    mean = simulate_mean(scenario)
+    own, leader = np.sqrt(np.sum(mean.acceleration**2, axis=0) * 0.01)[::-1]
+    assert own <= leader
+    bound = float(verdict.guarantee.partition("|delta|_2 at most ")[2].split()[0])
+    assert errors(mean)[0] <= bound * leader
+    assert f"at most {bound:.4g} s^2 |a_0|_2" in verdict.guarantees[2].mean
+
+
+def test_of_one_follower_with_rare_packets_one_hop_is_not_spoken_of():
+    rare = {**SETTINGS, "platoon.followers": 1, "v2v.period": 0.1}
+    assert judge(Scenario.from_values(rare)).guarantee.endswith("says nothing of one hop")
+    growing = judge(Scenario.from_values({**rare, "v2v.period": 0.2}))
+    assert "per hop of a platoon of such followers at" in growing.void[0]
+
+
+def test_packets_so_late_that_errors_grow_leave_no_row_that_denies_it():
+    """At 0.3 s case A grows by 1.042 per hop; the energies of its mean system do."""
+    scenario = Scenario.from_values(
+        {
+            "platoon.followers": 12,
+            "run.duration": 200.0,
+            "v2v.latency": 0.3,
+            "v2v.noise": "none",
+            "v2v.rho": 1e6,
+            "controller.k_a": 0.6,
+            "leader.angular_frequency": 0.61,
+        }
+    )
+    verdict = judge(scenario)
+    rows = {row.signal: row.mean for row in verdict.guarantees}
+    energies = errors(simulate_mean(scenario))
+    assert (np.diff(energies) > 0).any()
+    assert rows["energy of a_i"].startswith("grows by 1.0")
+    assert "a packet every 0.01 s, 0.3 s late" in rows["energy of a_i"]
+    assert rows["energy of delta_i"] == "may grow"
+
+
+def test_the_bound_of_unequal_errors_says_that_it_is_of_prompt_packets():
+    late = {"platoon.followers": 3, "v2v.latency": 0.03}
+    unequal = {"vehicle_3.controller.k_v": 0.632}
+    verdict = judge(Scenario.from_values(late).with_values(unequal))
+    assert verdict.string_stable
+    assert not verdict.equal_links
+    assert verdict.guarantee.endswith("|a_0|_2, of the loop without latency")
+    lags = {"vehicle.tau": (0.1, 0.5, 0.2), "vehicle.tau_max": 0.5}
+    said = judge(Scenario.from_values({**late, **lags})).guarantee
+    assert "in continuous time, of the loop without latency; sampled, where lags differ" in said
+
+
+def test_energies_of_errors_say_that_they_are_of_prompt_packets_where_growth_is_not_known():
+    """Of a design with a latency alone; in a verdict the growth with it is known."""
+    gains = Gains(0.95, 0.5, 0.63, 0.009)
+    rows = guarantees(certify(gains, 5.0, 0.5, latency=0.3))
+    assert rows[2].mean.endswith(", of the loop without latency")
+    known = guarantees(certify(gains, 5.0, 0.5, latency=0.03, v2v_period=0.01))
+    assert known[2].mean == "does not grow from the second vehicle on"
+
+
+def test_a_leader_that_turns_between_samples_raises_the_first_peak_and_no_other_hop():
+    """Its samples, a hundredth of each interval, ask for the most by k a_0, the rest by v and x."""
+    T, count, tau = 0.1, 400, 0.5
+    h, k, k_v, k_p = gains = Gains(1.3, 0.5, 0.8, 0.5)
+    plant = ThirdOrderPlant(tau, T)
+
+    def answer(added):
+        """Return the acceleration of a vehicle to whose command this is added."""
+        state, found = State(0.0, 0.0, 0.0), []
+        for u in added:
+            found.append(state.acceleration)
+            x, v, _ = state
+            state = plant.advance(state, u - (k_v + h * k_p) * v - k_p * x)
+        return np.sign(found[::-1])
+
+    later = np.arange(1, count)
+    fresh = answer([k, *np.zeros(count - 1)])
+    rest = answer([0.0, *(k_v * T + k_p * T * T * (later - 0.5))])
+    starts = T * np.arange(count + 1)
+    pairs = np.column_stack((starts[:-1] + 0.01 * T, starts[1:]))
+    times = np.concatenate(([0.0], pairs.ravel()))
+    steps = np.column_stack((0.01 * T * fresh, 0.99 * T * rest)).ravel()
+    scenario = Scenario.from_values(
+        {
+            **{f"controller.{name}": value for name, value in gains._asdict().items()},
+            "platoon.followers": 3,
+            "v2v.noise": "none",
+            "vehicle.tau": tau,
+            "run.step": T,
+            "run.duration": count * T,
+            "leader.profile": "csv",
+            "leader.times": tuple(times.tolist()),
+            "leader.speeds": tuple((25.0 + np.concatenate(([0.0], np.cumsum(steps)))).tolist()),
+        }
+    )
+    verdict = judge(scenario)
+    run = simulate(scenario)
+    peaks = np.max(np.abs(run.acceleration), axis=0)
+    assert verdict.certified
+    assert peaks[1] > 1.6 * verdict.sure_gain * peaks[0]
+    assert (peaks[2:] <= verdict.sure_gain * peaks[1:-1]).all()
+    assert "from follower to follower" in verdict.guarantee
+    assert "not from the leader" in verdict.bases.sure

@@ -182,13 +182,13 @@ def test_what_is_guaranteed_without_losses_says_so(made):
         assert mean[signal].endswith(", of the loop without losses")
     assert "at every instant and any packets lost." in rows[""][0]
     assert "of every packet that arrived" in rows["Channel assumption"][1]
-    assert "at 17 lags up to τ0" in rows["With packet loss, in the mean"][1]
+    assert "at 22 lags up to τ0" in rows["With packet loss, in the mean"][1]
 
 
 def test_what_is_guaranteed_of_lost_packets_that_count_as_zero_includes_them(made):
     report, _, rows = made({"v2v.loss": 0.1, "v2v.reception": "zero"})
     assert "without losses" not in str(report.verdict.guarantees)
-    sure = rows["Ratio of peaks of a_i per hop, in every run, at most".replace("a_i", "ai")]
+    sure = rows["Ratio of peaks of ai per hop between followers, in every run, at most"]
     assert "w = 0, which is a lost packet, and every w in [1 " in sure[1]
 
 
@@ -199,3 +199,73 @@ def test_a_single_follower_is_spoken_of_as_one(made):
     assert "the spacing error of the only follower is at most" in rows[""][0]
     braking = next(row[1] for name, row in rows.items() if name.startswith("Least gap over"))
     assert braking.endswith("and of the first follower")
+
+
+BURSTS = {"v2v.loss": 0.0, "v2v.burst_begin": 0.02, "v2v.burst_end": 0.2, "v2v.burst_loss": 0.9}
+DARK = {"v2v.blackouts": [1.0, 2.0]}
+
+
+def test_what_is_judged_as_if_losses_were_independent_says_so_in_bursts(made):
+    so = "if losses did not depend on each other"
+    report, text, rows = made({**BURSTS, "v2v.period": 0.05})
+    assert rows["With packet loss, in the mean"][0] == f"void: yes, {so}"
+    assert rows["With packet loss, in the mean"][1].endswith(so)
+    for question in ("Sampled at the control period", "Growth per hop with these packets, in the "):
+        assert [1 for name, found in rows.items() if question in name and so in "".join(found)]
+    assert report.verdict.guarantee.endswith(so)
+    lines = [line for line in text.splitlines() if line.startswith(("  packet loss", "  packets:"))]
+    assert len([line for line in lines if so in line]) == 2
+
+
+def test_losses_in_bursts_that_count_as_zero_are_judged_exactly(made):
+    report, text, rows = made({**BURSTS, "v2v.reception": "zero"})
+    assert report.verdict.certified
+    assert "depend on each other" not in text
+    assert rows["With packet loss, in the mean"][0] == "yes"
+
+
+def test_blackouts_are_set_apart_and_when_it_holds_again_is_said(made):
+    report, text, rows = made({"v2v.loss": 0.1, **DARK, "vehicle_3.v2v.blackouts": [3.0, 4.5]})
+    verdict = report.verdict
+    assert verdict.guarantee.endswith("blackouts apart")
+    assert rows["With packet loss, in the mean, blackouts apart"][0] == "yes"
+    assert [name for name in rows if name.endswith("in every run, blackouts apart, at most")]
+    assert "from 1 s on, until 4.5 s" in verdict.void[0]
+    for found in (text, bare(rows[""][0])):
+        assert "from 4.5 s on, when that is over, the statement about the mean" in found
+    assert metrics_document(report)["verdict"]["holds_from"] == 4.5
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"v2v.blackouts": [1.0, 6.0]},
+        {**BURSTS, **DARK},
+        {**DARK, "controller.time_headway": 0.65, "controller.k_p": 0.009, "controller.k_v": 0.63},
+    ],
+    ids=["to the end", "bursts too", "not string stable"],
+)
+def test_it_does_not_hold_again_where_it_does_not(made, values):
+    report, text, _ = made(values)
+    assert "blackout ends" not in text
+    assert metrics_document(report)["verdict"]["holds_from"] is None
+
+
+def test_a_blackout_after_the_run_voids_nothing(made):
+    report, *_ = made({"v2v.blackouts": [6.0, 7.0]})
+    assert report.verdict.certified
+    assert "blackout" not in report.verdict.guarantee
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ({"v2v.loss": 0.1}, "in the mean without losses, in continuous time"),
+        ({"v2v.loss": 0.1, "v2v.reception": "zero"}, "in the mean, in continuous time"),
+        (DARK, "in the mean, blackouts apart, in continuous time"),
+    ],
+)
+def test_the_least_gap_says_which_losses_it_leaves_out(made, values, said):
+    found = [row[1] for name, row in made(values)[2].items() if name.startswith("Least gap")]
+    assert len(found) == 1
+    assert found[0].startswith(said)

@@ -288,6 +288,21 @@ CHANGED = {
     "v2v.period": 0.1,
     "v2v.phase": 0.04,
     "v2v.latency": 0.02,
+    "v2v.send_rule": "cam",
+    "v2v.cam_check": 0.2,
+    "v2v.jitter": 0.015625,
+    "v2v.jitter_law": "gamma",
+    "v2v.jitter_shape": 3,
+    "v2v.in_order": True,
+    "v2v.bias": 0.0625,
+    "v2v.noise_std": 0.03125,
+    "v2v.quantum": 0.125,
+    "v2v.saturation": 16.0,
+    "v2v.false_data": ("0.5 1 frozen",),
+    "v2v.fallback_after": 0.375,
+    "v2v.fallback_blend": 1.5,
+    "v2v.fallback_return": 2.5,
+    "v2v.fallback_headway": 3.5,
     "v2v.burst_begin": 0.25,
     "v2v.burst_end": 0.5,
     "v2v.burst_loss": 0.75,
@@ -374,7 +389,7 @@ def test_a_loop_whose_peaks_are_out_of_reach_is_judged_all_the_same(tmp_path, ca
     assert main(["simulate", str(file), *ringing]) == 0
     out = capsys.readouterr().out
     assert out.startswith("STRING STABLE BY DESIGN, CERTIFICATE VOID")
-    assert "peaks of a_i grow per hop by a factor of inf at most" in out
+    assert "peaks of a_i grow per hop between followers by a factor of inf at most" in out
     metrics = json.loads((tmp_path / "run" / "metrics.json").read_text())
     assert metrics["verdict"]["linf_gain"] is metrics["verdict"]["sure_gain"] is None
 

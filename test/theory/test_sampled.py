@@ -232,6 +232,22 @@ def test_worst_lag_of_a_fine_grid_is_not_worse():
     assert sampled_stability_map(A.time_headway, A.k_v, A.k_p, lags, k, period=period).all()
 
 
+@pytest.mark.parametrize(
+    ("gains", "rho", "period", "tau"),
+    [
+        (Gains(0.974782, 0.8100374, 0.3115179, 31.07279), 11.66363, 0.007729, 0.002868),
+        (Gains(1.306197, 0.8269163, 0.3740929, 16.38683), 12.81614, 0.009669, 0.003362),
+        (Gains(1.329293, 0.8720621, 0.1274103, 27.17265), 11.56674, 0.002876, 0.000805),
+    ],
+)
+def test_a_lag_shorter_than_the_period_may_be_the_worst(gains, rho, period, tau):
+    """By 0.7 % per hop, where evenly spaced lags up to 0.5 s and none find nothing."""
+    omega = np.linspace(0.002, 0.99, 2000) * np.pi / period
+    H, _ = hop_response(gains, tau, gains.k_a * (1 + 1 / rho), period, omega)
+    assert H.max() > 1.005
+    assert not is_sampled_string_stable(gains, rho, 0.5, period)
+
+
 @given(st.floats(0.5, 1.5), st.floats(0.2, 1.5), st.floats(-4, 0).map(math.exp), st.floats(0, 0.9))
 @settings(max_examples=2 * settings().max_examples)
 def test_a_short_period_changes_nothing(h, k_v, k_p, k):
