@@ -151,7 +151,7 @@ def test_what_a_page_names_exists(page: Path) -> None:
         "python test/benchmark/bench_nothing.py",
         "cacc_platoon.design.nothing",
         "from cacc_platoon.nodes.executables import vehicle",
-        "Follower.nothing",
+        "Follower.unheard",
         "run.by_feet",
         "--set vehicle_3.controller.k_x=1",
         "platoon judge RUN",

@@ -123,9 +123,9 @@ class Verdict:
         if self.holds_from is None:
             return ""
         return (
-            f"from {self.holds_from:g} s on, when that is over, the statement about the mean system "
-            "holds again of what the leader does from then on; what was left of it comes on top, "
-            "and dies away"
+            f"from {self.holds_from:g} s on, when that is over, the statement about the mean "
+            "system holds again of what the leader does from then on; what was left of it comes on "
+            "top, and dies away"
         )
 
     @property

@@ -7,8 +7,11 @@ from enum import IntEnum
 
 from cacc_platoon.model.control import Gains
 
-MARGIN = 0.1
-"""By how much, in proportion, the fallback headway is above ``2 tau_0`` where none is given."""
+MARGIN = 0.3
+"""By how much, in proportion, the fallback headway is above ``2 tau_0`` where none is given.
+
+With less, gaps at 25 m/s shrink below nothing where all V2V ends as the leader brakes with 6 m/s^2.
+"""
 
 
 class ReceptionState(IntEnum):

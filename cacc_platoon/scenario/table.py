@@ -246,7 +246,7 @@ class V2V:
         at_most=1e3,
     )
     fallback_headway: float = parameter(
-        0.0, "s", "the time headway without V2V, above 2 tau0; 0 for 2.2 tau0", at_least=0.0
+        0.0, "s", "the time headway without V2V, above 2 tau0; 0 for 2.6 tau0", at_least=0.0
     )
     channel: str = parameter("", "-", "a custom channel, module:Class, in place of the others")
 

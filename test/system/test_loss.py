@@ -12,10 +12,11 @@ from cacc_platoon.analysis import analyse
 from cacc_platoon.bags.digest import run_digest
 from cacc_platoon.cli import main
 from cacc_platoon.runs.recording import recording_of
+from cacc_platoon.scenario.channel_presets import channel_names, channel_settings
 from cacc_platoon.scenario.file import load_scenario
 from cacc_platoon.simulation import simulate
 from cacc_platoon.testing import Platoon
-from msg_adapters.topics import Graph
+from msg_adapters.topics import Graph, VehicleTopics
 
 HERE = Path(__file__).parent
 PAPER_A = HERE.parents[1] / "config" / "paper_a.yaml"
@@ -67,6 +68,28 @@ def test_one_digest_where_packets_are_rare_or_late(
     result = platoon(*settings, hosts=hosts).result()
     assert result.exit_code == 0, result.errors
     assert result.digest == simulated_digest(*settings), result.message
+
+
+@pytest.mark.parametrize("hosts", [2, "per_node"])
+@pytest.mark.parametrize("name", channel_names())
+def test_one_digest_for_every_channel_with_fallback(
+    platoon: Start, name: str, hosts: int | str
+) -> None:
+    dark = ("v2v.reception=fallback", "v2v.blackouts=[2, 4]", "v2v.fallback_after=0.4")
+    settings = (*LOSSY[:3], "leader.profile=brake", *channel_settings(name), *dark)
+    run = platoon(*settings, hosts=hosts)
+    result = run.result()
+    assert result.exit_code == 0, result.errors
+    assert result.digest == simulated_digest(*settings), result.message
+    report = analyse(result.folder.path, runs=0)
+    assert report.run.findings == ()
+    assert report.consistency.largest == report.recomputed.links.largest == 0.0
+    with Reader(result.folder.bag) as reader:
+        topic = VehicleTopics(run.scenario.platoon.namespace, 2).reception
+        wanted = [c for c in reader.connections if c.topic == topic.name]
+        states = [topic.codec.decode(data)[1] for _, _, data in reader.messages(wanted)]
+    assert len(states) == run.scenario.samples
+    assert {0.0, 1.0, 2.0} <= set(states)
 
 
 RARE = ("v2v.period=0.05", "v2v.latency=0.03")

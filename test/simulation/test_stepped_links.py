@@ -1,0 +1,167 @@
+"""Runs whose packets follow motion, and runs that fall back: nodes, arrays, collisions."""
+
+from collections import deque
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cacc_platoon.analysis import compute_metrics
+from cacc_platoon.scenario import Scenario
+from cacc_platoon.simulation import monte_carlo, simulate, simulate_mean
+from cacc_platoon.stepping.lockstep import LockstepFollower, LockstepLeader, LockstepRelay
+
+SHORT = {"run.duration": 45.0, "platoon.followers": 3}
+CAM = {"v2v.send_rule": "cam", "v2v.phase": "random"}
+SILENT = {"v2v.reception": "fallback", "v2v.blackouts": (12.0, 22.0)}
+BRAKE = {
+    "leader.profile": "brake",
+    "leader.deceleration": 6.0,
+    "v2v.blackouts": (10.0, 20.0),
+    "vehicle.length": 4.5,
+    "platoon.standstill_distance": 7.0,
+}
+GILBERT = {
+    "v2v.burst_begin": 0.3,
+    "v2v.burst_end": 0.3,
+    "v2v.burst_loss": 0.95,
+    "v2v.latency": 0.1,
+    "v2v.jitter": 0.05,
+}
+RUNS: dict[str, dict[str, Any]] = {
+    "cam": CAM,
+    "lossy cam": {**CAM, "v2v.loss": 0.2, "v2v.latency": 0.02, "v2v.jitter": 0.05},
+    "silence": {**SILENT, "v2v.loss": 0.2},
+    "brake": {**SILENT, **BRAKE},
+    "all": {**SILENT, **CAM, **GILBERT, "v2v.quantum": 0.1, "v2v.bias": 0.02},
+    "false": {**CAM, **SILENT, "v2v.false_data": ("14 20 replay=3", "25 30 frozen")},
+}
+
+
+def scenario(*parts, own=None):
+    return Scenario.from_values({k: v for part in (SHORT, *parts) for k, v in part.items()}, own)
+
+
+def of_nodes(one):
+    """Return the motion of scalar steppers that pass messages on as nodes do, (3, samples, N+1)."""
+    posted: deque = deque()
+    motion: list[list[tuple[float, ...]]] = [[] for _ in one.vehicles]
+
+    def post(kind, index):
+        return lambda stamp, value: posted.append((kind, index, stamp, value))
+
+    followers = {f.index: LockstepFollower(f, one, post("state", f.index)) for f in one.followers}
+    relays = {
+        f.index: LockstepRelay(
+            f, one, post("accel", f.index), post("count", f.index) if f.counted else None
+        )
+        for f in one.followers
+    }
+    leader = LockstepLeader(one, post("state", 0))
+    for k in range(one.samples):
+        leader.take_horizon(k)
+        while posted:
+            kind, index, stamp, value = posted.popleft()
+            if kind == "accel":
+                followers[index].take_acceleration(stamp, value)
+            elif kind == "count":
+                followers[index].take_count(stamp, float(value))
+            else:
+                motion[index].append(tuple(value))
+                if (behind := index + 1) in followers:
+                    followers[behind].take_position(stamp, value.position)
+                    followers[behind].take_velocity(stamp, value.velocity)
+                    relays[behind].take(stamp, value.acceleration)
+                    if one.follower(behind).triggered:
+                        relays[behind].take_velocity(stamp, value.velocity)
+                        relays[behind].take_position(stamp, value.position)
+    return np.array(motion).transpose(2, 1, 0)
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_nodes_and_arrays_agree_to_the_last_bit(name):
+    one = scenario(RUNS[name])
+    run = simulate(one)
+    np.testing.assert_array_equal(of_nodes(one), np.stack(run.motion))
+    assert (run.share is None) == ("v2v.reception" not in RUNS[name])
+
+
+def test_a_platoon_may_mix_links():
+    own = {2: {"v2v.send_rule": "periodic", "v2v.reception": "hold"}}
+    one = scenario(RUNS["all"], own=own)
+    run = simulate(one)
+    np.testing.assert_array_equal(of_nodes(one), np.stack(run.motion))
+    assert run.share is not None
+    assert (run.share[:, 1] == 1.0).all()
+    assert run.share[:, 0].min() == 0.0
+
+
+def test_followed_links_are_planned_ones_where_both_can_be():
+    """A reception that falls back after longer than any silence is one that holds."""
+    late = {"v2v.loss": 0.4, "v2v.latency": 0.03, "v2v.period": 0.05}
+    planned = simulate(scenario(late))
+    followed = simulate(scenario(late, {"v2v.reception": "fallback", "v2v.fallback_after": 1e3}))
+    for first, second in zip(planned.motion, followed.motion, strict=True):
+        np.testing.assert_array_equal(first, second)
+    assert planned.arrivals is not None
+    assert followed.arrivals is not None
+    for one, other in zip(planned.arrivals, followed.arrivals, strict=True):
+        for before, after in zip(one, other, strict=True):
+            np.testing.assert_array_equal(before, after)
+
+
+def test_runs_together_are_runs_alone():
+    one = scenario(RUNS["lossy cam"], {"run.duration": 15.0})
+    peaks = monte_carlo(one, runs=3).max_abs_spacing_error
+    for seed, found in enumerate(peaks, start=1):
+        alone = simulate(one.with_values({"run.seed": seed}))
+        np.testing.assert_array_equal(compute_metrics(alone).max_abs_spacing_error, found)
+
+
+@pytest.mark.parametrize("begin", [9.0, 10.0, 10.5, 12.0])
+@pytest.mark.parametrize("reception", ["hold", "zero", "fallback"])
+def test_ten_seconds_without_v2v_in_a_full_brake(reception, begin):
+    """The leader brakes from 10 s on with 6 m/s^2, on all links and in the mean."""
+    dark = {"v2v.reception": reception, "v2v.blackouts": (begin, begin + 10.0)}
+    gaps = [float(np.min(run(scenario(BRAKE, dark)).gap)) for run in (simulate, simulate_mean)]
+    assert all(gap > 0.0 for gap in gaps) == (reception == "fallback")
+
+
+@pytest.mark.parametrize("motion", ["sine", "brake"])
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_bursts_latency_and_ten_dark_seconds_on_one_link(motion, seed):
+    dark = {"v2v.blackouts": (10.0, 20.0)}
+    values = {**GILBERT, "run.seed": seed, "vehicle.length": 4.5, "platoon.followers": 6}
+    if motion == "brake":
+        values |= {key: value for key, value in BRAKE.items() if key.startswith("leader")}
+    values |= {"platoon.standstill_distance": 7.0, "v2v.reception": "fallback"}
+    run = simulate(scenario(values, own={3: dark}))
+    assert run.gap.min() > 0.5
+    assert run.share is not None
+    assert run.share[:, 2].min() == 0.0
+    assert abs(run.velocity[-1] - run.velocity[-1, 0]).max() < 0.5
+
+
+def test_no_blend_changes_the_command_by_more_than_its_bound():
+    """The jump of u beyond what a run with the same shares frozen would make."""
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        begin, length = rng.uniform(10.0, 14.0), rng.uniform(1.0, 8.0)
+        dark = (round(begin, 2), round(begin + length, 2))
+        one = scenario(BRAKE, {"v2v.reception": "fallback", "v2v.blackouts": dark})
+        run = simulate(one)
+        follower = one.follower(1)
+        law, alone = follower.law(), follower.fallback_law()
+        assert alone is not None
+        assert run.share is not None
+        share = run.share[:, 0]
+        measured = (
+            *(part[:, 1] for part in run.motion[:2]),
+            *(part[:, 0] for part in run.motion[:2]),
+        )
+        u, without = law.command(*measured, run.received[:, 0]), alone.command(*measured, 0.0)
+        blended = share * u + (1.0 - share) * without
+        frozen = share[:-1] * u[1:] + (1.0 - share[:-1]) * without[1:]
+        jump = np.abs(blended[1:] - frozen)
+        assert (jump <= np.abs(u - without)[1:] / 100.0 + 1e-12).all()
+        assert jump.max() > 0.0
