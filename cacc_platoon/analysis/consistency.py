@@ -13,9 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cacc_platoon.model import ConstantTimeHeadway, Gains, State, ThirdOrderPlant, sample_profile
+from cacc_platoon.model import State, ThirdOrderPlant, sample_profile
 from cacc_platoon.simulation import Arrivals, Trajectory
-from cacc_platoon.simulation.platoon import arrivals_of, blended, law_without_v2v
+from cacc_platoon.simulation.bodies import Actuators
+from cacc_platoon.simulation.platoon import arrivals_of, commands_of
 from cacc_platoon.simulation.trajectory import Array
 
 TOLERANCE = 1e-9
@@ -60,23 +61,11 @@ def check_consistency(run: Trajectory) -> Consistency:
     scenario = run.scenario
     followers = scenario.followers
     plant = ThirdOrderPlant(np.array([follower.tau for follower in followers]), scenario.run.step)
-    gains = Gains(*np.array([follower.gains for follower in followers]).T)
-    law = ConstantTimeHeadway(gains, scenario.platoon.standstill_distance)
-    nearest = [own.start for own in scenario.topology.columns]
-    own = State(*(part[:-1, 1:] for part in (run.position, run.velocity, run.acceleration)))
+    own = State(*(part[:-1, 1:] for part in run.motion))
     with np.errstate(invalid="ignore", over="ignore"):
-        measured = (
-            own.position,
-            own.velocity,
-            run.position[:-1, :-1],
-            run.velocity[:-1, :-1],
-        )
-        command = law.command(*measured, run.received[:-1, nearest])
-        if run.share is not None:
-            alone = law_without_v2v(followers).command(*measured, np.zeros(()))
-            command = blended(command, alone, run.share[:-1])
-        due = plant.advance(own, command)
-        recorded = (part[1:, 1:] for part in (run.position, run.velocity, run.acceleration))
+        due = plant.advance(own, commands_of(run).carried_out[:-1])
+        due = Actuators(followers, scenario.run.step).standing(own, due)
+        recorded = (part[1:, 1:] for part in run.motion)
         difference = _farthest(due, recorded)
     custom = [follower.law_name for follower in followers]
     difference[:, [bool(name) for name in custom]] = np.nan

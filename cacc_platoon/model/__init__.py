@@ -16,6 +16,7 @@ from cacc_platoon.model.leader import (
     speed_profile,
     step_profile,
 )
+from cacc_platoon.model.limits import ISO_15622, Limits
 from cacc_platoon.model.losses import Blackouts, BurstLoss, IndependentLoss
 from cacc_platoon.model.noise import (
     BitNoise,
@@ -33,10 +34,12 @@ from cacc_platoon.model.packets import (
 )
 from cacc_platoon.model.reception import ChoosingReception, HoldReception, Reception, ZeroReception
 from cacc_platoon.model.send_rule import CamRule, SendRule, TriggeredChannel
+from cacc_platoon.model.sensing import Sensing, Sensor
 from cacc_platoon.model.topology import Link, Topology
 from cacc_platoon.model.vehicle import State, ThirdOrderPlant
 
 __all__ = [
+    "ISO_15622",
     "AdditiveNoise",
     "BitNoise",
     "Blackouts",
@@ -62,6 +65,7 @@ __all__ = [
     "IndependentLoss",
     "Lattice",
     "LeaderProfile",
+    "Limits",
     "Link",
     "Noise",
     "PacketSource",
@@ -73,6 +77,8 @@ __all__ = [
     "RecordedMotion",
     "SendRule",
     "SendTimes",
+    "Sensing",
+    "Sensor",
     "SinePulse",
     "State",
     "ThirdOrderPlant",

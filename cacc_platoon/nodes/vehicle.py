@@ -28,7 +28,7 @@ class VehicleNode(PlatoonNode):
         law: Callable[[Follower], ControlLaw] | None = None,
         initial: State[float] | None = None,
     ) -> None:
-        groups = ("platoon", "vehicle", "controller", "v2v", "run", "record")
+        groups = ("platoon", "vehicle", "sensing", "controller", "v2v", "run", "record")
         super().__init__("vehicle", groups, scenario, index)
         record = self.scenario.record
         command = self.create_stream(self.topics.command) if record.command else None

@@ -11,7 +11,12 @@ from pathlib import Path
 from typing import Any
 
 from cacc_platoon.errors import UserError
-from cacc_platoon.model import read_speed_profile
+from cacc_platoon.model import (
+    LeaderProfile,
+    PiecewiseConstantAcceleration,
+    SinePulse,
+    read_speed_profile,
+)
 from cacc_platoon.model.noise import MAX_BITS
 from cacc_platoon.scenario.false_data import RULE, forgery
 from cacc_platoon.scenario.follower import Follower
@@ -187,6 +192,30 @@ def check_topology(
                 "needs a controller.law that uses them all, "
                 f"{vehicle_name(follower.index)} has none",
             )
+
+
+def check_limits(
+    motion: LeaderProfile, duration: float, followers: Iterable[Follower], source: str
+) -> None:
+    """Refuse a leader that does what a follower with limits cannot."""
+    if not isinstance(motion, SinePulse | PiecewiseConstantAcceleration):
+        return
+    low, high = motion.acceleration_range(0.0, duration)
+    for follower in followers:
+        limits = follower.limits()
+        if limits is None:
+            continue
+        for asked, limit, does in (
+            (-low, max(limits.deceleration), "brakes"),
+            (high, max(limits.acceleration), "accelerates"),
+        ):
+            if asked > limit:
+                raise TABLE["vehicle.limits"].refusal(
+                    follower.body.limits,
+                    source,
+                    f"lets {vehicle_name(follower.index)} do {limit:g} m/s^2, which must not be "
+                    f"less than the leader does: it {does} with {asked:g} m/s^2",
+                )
 
 
 def check_follower(follower: Follower, step: float, source: str) -> None:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from cacc_platoon.model import (
+    ISO_15622,
     AdditiveNoise,
     BitNoise,
     Blackouts,
@@ -28,12 +29,14 @@ from cacc_platoon.model import (
     IndependentLoss,
     InOrder,
     Lattice,
+    Limits,
     Link,
     Noise,
     PacketSource,
     RandomLatency,
     Reception,
     SendTimes,
+    Sensing,
     ThirdOrderPlant,
     TriggeredChannel,
     ZeroReception,
@@ -42,10 +45,12 @@ from cacc_platoon.model import (
 from cacc_platoon.model.fallback import MARGIN, gains_without_v2v
 from cacc_platoon.model.keyed_random import PHASE, keyed_uniform
 from cacc_platoon.model.latency import gamma_delay, uniform_delay
+from cacc_platoon.model.limits import Limit
 from cacc_platoon.model.send_rule import MOST_TIME
 from cacc_platoon.scenario.false_data import forgery
 from cacc_platoon.scenario.plugin import make_plugin
-from cacc_platoon.scenario.table import TABLE, V2V
+from cacc_platoon.scenario.table import TABLE, V2V, Vehicle
+from cacc_platoon.scenario.table import Sensing as SensingValues
 
 WHOLE = 1e-9
 """How far a number of control periods may be from a whole one, for rounding alone."""
@@ -72,7 +77,8 @@ class Follower:
     seed: int
     step: float
     law_name: str = ""
-    length: float = 0.0
+    body: Vehicle = field(default_factory=Vehicle)
+    sensors: SensingValues = field(default_factory=SensingValues)
 
     @property
     def index(self) -> int:
@@ -128,6 +134,38 @@ class Follower:
                 return round(seconds / self.step)
             case other:
                 raise ValueError(f"v2v.phase = {other} has no branch here")
+
+    @property
+    def length(self) -> float:
+        """Its length [m]."""
+        return self.body.length
+
+    def limits(self) -> Limits | None:
+        """Return what its actuator can do; None for anything."""
+        body = self.body
+        match body.limits:
+            case "none":
+                return None
+            case "constant":
+                values = body.max_acceleration, body.max_deceleration, body.max_jerk
+                return Limits(*(Limit(value, value) for value in values))
+            case "iso15622":
+                return ISO_15622
+            case other:
+                raise ValueError(f"vehicle.limits = {other} has no branch here")
+
+    @property
+    def stops(self) -> bool:
+        """Whether it stands where it would drive backwards."""
+        return self.body.stops
+
+    def sensing(self) -> Sensing:
+        """Return how it measures the vehicle ahead."""
+        sensors = self.sensors
+        delay = math.ceil(sensors.delay / self.step - WHOLE)
+        return Sensing(
+            delay, sensors.range_std, sensors.range_rate_std, seed=self.seed, vehicle=self.index
+        )
 
     def plant(self, step: float) -> ThirdOrderPlant:
         """Return the vehicle's dynamics at the control period `step` [s]."""

@@ -14,6 +14,7 @@ from cacc_platoon.scenario.parameter import ScenarioError, flatten
 SECTION = "ros__parameters"
 VEHICLE_READERS = {
     "vehicle": NodeKind.VEHICLE,
+    "sensing": NodeKind.VEHICLE,
     "controller": NodeKind.VEHICLE,
     "v2v": NodeKind.NOISE_RELAY,
 }

@@ -24,6 +24,7 @@ from cacc_platoon.model import (
 from cacc_platoon.scenario.checks import (
     check_follower,
     check_leader,
+    check_limits,
     check_namespace,
     check_overrides,
     check_run,
@@ -46,6 +47,7 @@ from cacc_platoon.scenario.table import (
     Platoon,
     Record,
     Run,
+    Sensing,
     Vehicle,
 )
 
@@ -56,10 +58,11 @@ class Scenario:
 
     Attributes
     ----------
-    platoon, vehicle, controller, v2v, leader, run, record
+    platoon, vehicle, sensing, controller, v2v, leader, run, record
         The groups of the parameter table.
     overrides : Mapping of int to Mapping of str to value
-        By follower index: the parameters of groups vehicle, controller and v2v that differ there.
+        By follower index: the parameters of groups vehicle, sensing, controller and v2v that differ
+        there.
     name : str
         Short name, the scenario file's stem.
     recorded_leader : RecordedMotion or None
@@ -73,6 +76,7 @@ class Scenario:
 
     platoon: Platoon = dataclasses.field(default_factory=Platoon)
     vehicle: Vehicle = dataclasses.field(default_factory=Vehicle)
+    sensing: Sensing = dataclasses.field(default_factory=Sensing)
     controller: Controller = dataclasses.field(default_factory=Controller)
     v2v: V2V = dataclasses.field(default_factory=V2V)
     leader: Leader = dataclasses.field(default_factory=Leader)
@@ -130,6 +134,8 @@ class Scenario:
         for follower in self.followers:
             where = f"{vehicle_name(follower.index)}: " if follower.index in self.overrides else ""
             check_follower(follower, self.run.step, f"{source}: {where}".rstrip(": "))
+        if self.leader.profile != "bag":
+            check_limits(self.leader_profile(), self.run.duration, self.followers, source)
 
     def with_values(self, values: Mapping[str, Any]) -> Scenario:
         """Return this scenario with some values replaced, checked anew.
@@ -185,18 +191,23 @@ class Scenario:
         own = self.overrides.get(index, {})
         picked = {name: own.get(name, _read(self, name)) for name in TABLE}
         tau = picked["vehicle.tau"]
-        v2v = V2V(**{f.name: picked[f"v2v.{f.name}"] for f in dataclasses.fields(V2V)})
+
+        def own_group(group: str) -> dict[str, Any]:
+            names = (f.name for f in dataclasses.fields(GROUPS[group]))
+            return {name: picked[f"{group}.{name}"] for name in names}
+
         return Follower(
             Link(index - 1, index),
             tau[self.indices.index(index)] if isinstance(tau, tuple) else tau,
             picked["vehicle.tau_max"],
             Gains(*(picked[f"controller.{name}"] for name in Gains._fields)),
             self.platoon.standstill_distance,
-            v2v,
+            V2V(**own_group("v2v")),
             self.run.seed,
             self.run.step,
             picked["controller.law"],
-            picked["vehicle.length"],
+            Vehicle(**own_group("vehicle")),
+            Sensing(**own_group("sensing")),
         )
 
     @property

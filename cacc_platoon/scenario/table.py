@@ -65,6 +65,42 @@ class Vehicle:
         at_least=0.0,
         at_most=1e3,
     )
+    limits: str = parameter(
+        "none",
+        "-",
+        "what the actuator can do: anything, the three values below, or those of ISO 15622 by "
+        "speed (as secondary sources give them)",
+        choices=("none", "constant", "iso15622"),
+    )
+    max_acceleration: float = parameter(
+        2.5, "m/s^2", "the largest command, where limits are constant", above=0.0
+    )
+    max_deceleration: float = parameter(
+        8.0, "m/s^2", "the largest negative command, where limits are constant", above=0.0
+    )
+    max_jerk: float = parameter(
+        10.0, "m/s^3", "the largest change of the command, where limits are constant", above=0.0
+    )
+    stops: bool = parameter(False, "-", "whether the vehicle stands where it would drive backwards")
+
+
+@dataclass(frozen=True)
+class Sensing:
+    """How a follower measures the vehicle ahead."""
+
+    delay: float = parameter(
+        0.0,
+        "s",
+        "how old range and range rate are, rounded up to control periods",
+        at_least=0.0,
+        at_most=10.0,
+    )
+    range_std: float = parameter(
+        0.0, "m", "the standard deviation of the noise of the range", at_least=0.0
+    )
+    range_rate_std: float = parameter(
+        0.0, "m/s", "the standard deviation of the noise of the range rate", at_least=0.0
+    )
 
 
 @dataclass(frozen=True)
@@ -335,13 +371,14 @@ class Record:
 GROUPS: dict[str, type] = {
     "platoon": Platoon,
     "vehicle": Vehicle,
+    "sensing": Sensing,
     "controller": Controller,
     "v2v": V2V,
     "leader": Leader,
     "run": Run,
     "record": Record,
 }
-PER_VEHICLE = ("vehicle", "controller", "v2v")
+PER_VEHICLE = ("vehicle", "sensing", "controller", "v2v")
 TABLE: dict[str, Parameter] = {
     row.name: row
     for group, owner in GROUPS.items()

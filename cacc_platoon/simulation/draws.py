@@ -14,9 +14,11 @@ def draws_are_fresh(scenario: Scenario) -> bool:
 
     It is not where packets are rare or late, lost in bursts or blackouts or say anything else, nor
     where noise is held over several samples and lost packets are replaced by the last one: a factor
-    is then used before and after a loss.
+    is then used before and after a loss. Errors of sensors and limits are no draws of a channel.
     """
-    plain = all(
+    followers = scenario.followers
+    linear = all(one.sensing().perfect and not (one.limits() or one.stops) for one in followers)
+    plain = linear and all(
         follower.timing().prompt
         and not (follower.v2v.burst_begin or follower.v2v.blackouts or follower.v2v.jitter)
         and not (follower.errs or follower.v2v.false_data or follower.triggered)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cacc_platoon.scenario import Scenario
+from cacc_platoon.simulation.bodies import Sensors
 from cacc_platoon.simulation.draws import squared_ranges
 from cacc_platoon.simulation.platoon import Progress, links_of_runs, propagate, used_of
 from cacc_platoon.simulation.trajectory import Array, Trajectory
@@ -76,7 +77,7 @@ def _batch(scenario: Scenario, seeds: range) -> tuple[Array, Array]:
     first = scenario.run.seed
     members = [scenario.with_values({"run.seed": first + offset}) for offset in seeds]
     links = links_of_runs(members)
-    states = propagate(scenario, links, runs=len(seeds))
+    states = propagate(scenario, links, runs=len(seeds), sensors=Sensors.of(members))
     sent = states[2][:, :, scenario.topology.senders]
     used, _ = used_of(links, states)
     widths = squared_ranges(scenario, sent, used)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from cacc_platoon.model import (
 )
 from cacc_platoon.scenario import Follower, Scenario
 from cacc_platoon.scenario.follower import packet_source
+from cacc_platoon.simulation.bodies import Actuators, Sensors
 from cacc_platoon.simulation.links import (
     ChannelFactory,
     Links,
@@ -80,7 +82,7 @@ def simulate(
     345.0
     """
     links = links_of_runs([scenario], noise, channel)
-    states = propagate(scenario, links, progress, law=law)
+    states = propagate(scenario, links, progress, law=law, sensors=Sensors.of([scenario]))
     used, share = used_of(links, states)
     position, velocity, acceleration = (np.ascontiguousarray(part[:, 0]) for part in states)
     return Trajectory(
@@ -126,7 +128,10 @@ def simulate_mean(scenario: Scenario) -> Trajectory:
     True
     """
     links = MeanLinks(scenario)
-    states = propagate(scenario, links, law=Follower.spacing_policy)  # no code of the user's
+    sensors = Sensors.of([scenario], noise=False)
+    states = propagate(  # no code of the user's
+        scenario, links, law=Follower.spacing_policy, sensors=sensors
+    )
     used, share = used_of(links, states)
     position, velocity, acceleration = (np.ascontiguousarray(part[:, 0]) for part in states)
     return Trajectory(
@@ -164,6 +169,7 @@ def propagate(
     *,
     runs: int = 1,
     law: LawFactory | None = None,
+    sensors: Sensors | None = None,
 ) -> Array:
     """Integrate many runs of one platoon that differ in their links.
 
@@ -175,6 +181,10 @@ def propagate(
         What the followers receive.
     runs : int, optional
         How many runs.
+    law : callable, optional
+        Makes another control law from each follower's parameters.
+    sensors : Sensors, optional
+        What the followers measure; all that is, by default.
 
     Returns
     -------
@@ -184,6 +194,7 @@ def propagate(
     samples, followers = scenario.samples, scenario.followers
     plant = ThirdOrderPlant(np.array([follower.tau for follower in followers]), scenario.run.step)
     command, alone = _command(scenario, law), law_without_v2v(followers).command
+    actuators = Actuators(followers, scenario.run.step)
     history = np.empty((3, samples, runs, len(followers) + 1))
     history[:, :, :, 0] = sample_profile(scenario.leader_profile(), scenario.run.step, samples)[
         :, :, np.newaxis
@@ -193,13 +204,17 @@ def propagate(
     history[2, 0, :, 1:] = 0.0
     for k in range(samples - 1):
         position, velocity, acceleration = history[:, k]
-        measured = position[:, 1:], velocity[:, 1:], position[:, :-1], velocity[:, :-1]
+        position_ahead, velocity_ahead = position[:, :-1], velocity[:, :-1]
+        if sensors:
+            position_ahead, velocity_ahead = sensors.ahead(k, history)
+        measured = position[:, 1:], velocity[:, 1:], position_ahead, velocity_ahead
         u = command(*measured, links.received(k, history))
         if links.share is not None:
             u = blended(u, alone(*measured, np.zeros(())), links.share)
+        u = actuators.command(u, velocity[:, 1:])
         state = State(position[:, 1:], velocity[:, 1:], acceleration[:, 1:])
         history[0, k + 1, :, 1:], history[1, k + 1, :, 1:], history[2, k + 1, :, 1:] = (
-            plant.advance(state, u)
+            actuators.standing(state, plant.advance(state, u))
         )
         if progress and k % 500 == 0:
             progress(k, samples)
@@ -215,6 +230,38 @@ def arrivals_of(receiver: Follower, motion: Array) -> Arrivals:
     with np.errstate(all="ignore"):
         values = delivery.values(motion[2])
     return Arrivals(delivery.source, delivery.sample, values)
+
+
+class Commands(NamedTuple):
+    """What followers want to do and what they carry out, shape (samples, N) [m/s^2]."""
+
+    wanted: Array
+    carried_out: Array
+
+
+@np.errstate(all="ignore")
+def commands_of(run: Trajectory) -> Commands:
+    """Return the commands of a run, by gains and limits of its scenario, of its recorded states."""
+    scenario, followers = run.scenario, run.scenario.followers
+    motion = np.stack(run.motion)[:, :, np.newaxis]
+    position, velocity = (part[:, 1:] for part in run.motion[:2])
+    position_ahead, velocity_ahead = (part[:, :-1] for part in run.motion[:2])
+    if sensors := Sensors.of([scenario]):
+        seen = [sensors.ahead(k, motion) for k in range(len(position))]
+        position_ahead, velocity_ahead = (np.concatenate(part) for part in zip(*seen, strict=True))
+    measured = position, velocity, position_ahead, velocity_ahead
+    gains = Gains(*np.array([follower.gains for follower in followers]).T)
+    law = ConstantTimeHeadway(gains, scenario.platoon.standstill_distance)
+    nearest = [own.start for own in scenario.topology.columns]
+    wanted = law.command(*measured, run.received[:, nearest])
+    if run.share is not None:
+        alone = law_without_v2v(followers).command(*measured, np.zeros(()))
+        wanted = blended(wanted, alone, run.share)
+    actuators = Actuators(followers, scenario.run.step)
+    if not actuators.limited:
+        return Commands(wanted, wanted)
+    carried_out = np.stack([actuators.command(*now) for now in zip(wanted, velocity, strict=True)])
+    return Commands(wanted, carried_out)
 
 
 def law_without_v2v(followers: Sequence[Follower]) -> ConstantTimeHeadway:

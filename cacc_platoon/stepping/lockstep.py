@@ -15,10 +15,12 @@ from cacc_platoon.model import (
     Channel,
     ControlLaw,
     LeaderProfile,
+    Sensor,
     State,
     ThirdOrderPlant,
 )
 from cacc_platoon.model.channel import ChannelError
+from cacc_platoon.model.limits import standing
 from cacc_platoon.scenario import Follower, Scenario, ScenarioError
 from cacc_platoon.scenario.follower import packet_source
 from cacc_platoon.scenario.names import NodeKind, NodeName, vehicle_name
@@ -96,6 +98,10 @@ class LockstepFollower:
         self._spacing_policy = follower.spacing_policy()
         self._law: ControlLaw = law or follower.law()
         self._fallback = follower.fallback_law()
+        sensing = follower.sensing()
+        self._sensor = None if sensing.perfect else Sensor(sensing)
+        self._limits, self._stops = follower.limits(), follower.stops
+        self._carried_out = 0.0
         self._speed = scenario.platoon.initial_speed
         self._equilibrium_spacing = follower.standstill_distance + (
             follower.gains.time_headway * self._speed
@@ -181,6 +187,8 @@ class LockstepFollower:
         self._stamp = stamp + self._step_ns
         received, share = used.accelerations, used.share
         motion = state.position, state.velocity, position, velocity
+        if self._sensor:
+            motion = (*motion[:2], *self._sensor.ahead(motion[:2], motion[2:]))
         if self._publish_reception:
             self._publish_reception(stamp, used.state, share)
         try:
@@ -201,13 +209,19 @@ class LockstepFollower:
                 f"predecessor's position {position} m and velocity {velocity} m/s, "
                 f"received acceleration {', '.join(map(str, received))} m/s^2"
             )
+        if self._limits:
+            command = self._limits.command(
+                command, self._carried_out, state.velocity, self._plant.step
+            )
+            self._carried_out = command
         if self._publish_command:
             delta = self._spacing_policy.spacing_error(state.position, state.velocity, position)
             gap_error = state.position - position + self._spacing_policy.standstill_distance
             self._publish_command(stamp, command, delta, gap_error)
         if stamp < self._end:
-            self._state = state = self._plant.advance(state, command)
-            self._publish_state(self._stamp, state)
+            after = self._plant.advance(state, command)
+            self._state = standing(state, after) if self._stops else after
+            self._publish_state(self._stamp, self._state)
 
 
 class LockstepRelay:

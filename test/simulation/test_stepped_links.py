@@ -34,6 +34,15 @@ RUNS: dict[str, dict[str, Any]] = {
     "silence": {**SILENT, "v2v.loss": 0.2},
     "brake": {**SILENT, **BRAKE},
     "all": {**SILENT, **CAM, **GILBERT, "v2v.quantum": 0.1, "v2v.bias": 0.02},
+    "sensors": {"sensing.delay": 0.05, "sensing.range_std": 0.1, "sensing.range_rate_std": 0.05},
+    "limits": {**BRAKE, "v2v.blackouts": (), "vehicle.limits": "constant", "vehicle.stops": True},
+    "iso": {
+        **SILENT,
+        **BRAKE,
+        "leader.deceleration": 5.0,
+        "vehicle.limits": "iso15622",
+        "sensing.delay": 0.1,
+    },
     "false": {**CAM, **SILENT, "v2v.false_data": ("14 20 replay=3", "25 30 frozen")},
 }
 
@@ -83,7 +92,7 @@ def test_nodes_and_arrays_agree_to_the_last_bit(name):
     one = scenario(RUNS[name])
     run = simulate(one)
     np.testing.assert_array_equal(of_nodes(one), np.stack(run.motion))
-    assert (run.share is None) == ("v2v.reception" not in RUNS[name])
+    assert (run.share is None) == (RUNS[name].get("v2v.reception") != "fallback")
 
 
 def test_a_platoon_may_mix_links():
