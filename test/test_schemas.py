@@ -59,7 +59,12 @@ CRASH = {
     "run.duration": 6.0,
     "v2v.noise": "none",
 }
-SILENT = {"v2v.reception": "fallback", "v2v.blackouts": (0.2, 1.5), "run.duration": 3.0}
+SILENT = {
+    "v2v.reception": "fallback",
+    "v2v.blackouts": (0.2, 1.5),
+    "run.duration": 3.0,
+    "vehicle.limits": "iso15622",
+}
 DESIGNS = [
     question.split()
     for question in (

@@ -11,6 +11,7 @@ import numpy as np
 from cacc_platoon.analysis.braking import WorstBraking, worst_braking
 from cacc_platoon.analysis.consistency import Consistency, check_consistency
 from cacc_platoon.analysis.metrics import Metrics, compute_metrics
+from cacc_platoon.analysis.premises import Conduct
 from cacc_platoon.analysis.standing import Recomputation, Standing, recompute, standing_of
 from cacc_platoon.analysis.verdict import Verdict, judge
 from cacc_platoon.bags.raw import Progress
@@ -156,7 +157,7 @@ def analyse(
             measured.noise,
             consistency,
             measured.reception,
-            measured.fallback,
+            Conduct(measured.fallback, measured.limits),
         ),
         ensemble,
     )

@@ -14,6 +14,7 @@ import numpy as np
 
 from cacc_platoon.analysis.age import LinkReception, link_reception
 from cacc_platoon.analysis.fallback import FallbackUse, fallback_use
+from cacc_platoon.analysis.limits import LimitUse, limit_use
 from cacc_platoon.analysis.noise import LinkNoise, link_noise
 from cacc_platoon.model.leader import largest_acceleration, least_accelerations
 from cacc_platoon.simulation import Trajectory
@@ -74,6 +75,8 @@ class Metrics:
         Packet loss and age of information per link.
     fallback : list of FallbackUse
         Who may fall back to a law without V2V, and did.
+    limits : list of LimitUse
+        On whom limits of the actuator may act, and did.
     """
 
     duration: float
@@ -100,6 +103,7 @@ class Metrics:
     noise: list[LinkNoise]
     reception: list[LinkReception]
     fallback: list[FallbackUse]
+    limits: list[LimitUse]
 
 
 def compute_metrics(run: Trajectory) -> Metrics:
@@ -150,6 +154,7 @@ def compute_metrics(run: Trajectory) -> Metrics:
         noise=link_noise(run),
         reception=link_reception(run),
         fallback=fallback_use(run),
+        limits=limit_use(run),
     )
 
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 from cacc_platoon.analysis.age import LinkReception
 from cacc_platoon.analysis.consistency import Consistency
 from cacc_platoon.analysis.content import content_premises
 from cacc_platoon.analysis.fallback import FallbackUse, fallback_premises
 from cacc_platoon.analysis.follower_verdict import FollowerVerdict
+from cacc_platoon.analysis.limits import LimitUse, limit_premises
 from cacc_platoon.analysis.noise import LinkNoise
 from cacc_platoon.analysis.packets import packet_times, send_together
 from cacc_platoon.model import ConstantTimeHeadway
@@ -18,12 +20,19 @@ from cacc_platoon.theory import rounded_down
 IF_INDEPENDENT = "if losses did not depend on each other"
 
 
+class Conduct(NamedTuple):
+    """What vehicles did in a run beside what a certificate is of."""
+
+    fallback: Sequence[FallbackUse] = ()
+    limits: Sequence[LimitUse] = ()
+
+
 def broken_premises(
     scenario: Scenario,
     noise: list[LinkNoise],
     reception: list[LinkReception],
     consistency: Consistency | None,
-    fallback: list[FallbackUse],
+    conduct: Conduct,
 ) -> list[str]:
     """Say why a certificate does not cover the run."""
     return [
@@ -31,7 +40,8 @@ def broken_premises(
         *_noise_out_of_range(noise),
         *_bursts_and_blackouts(scenario),
         *content_premises(scenario),
-        *fallback_premises(scenario, fallback),
+        *fallback_premises(scenario, conduct.fallback),
+        *limit_premises(scenario, conduct.limits),
         *_unexplained_loss(scenario, reception),
         *_departures(consistency),
     ]
@@ -134,22 +144,21 @@ def blackouts(scenario: Scenario) -> list[tuple[float, float]]:
     return sorted(pair for pair in found if pair[0] < scenario.run.duration)
 
 
-def holds_again(
-    scenario: Scenario, fallback: Sequence[FallbackUse], void: Sequence[str]
-) -> float | None:
+def holds_again(scenario: Scenario, conduct: Conduct, void: Sequence[str]) -> float | None:
     """Return when all that voids a certificate is over [s], None where that is not within the run.
 
-    Blackouts end, and vehicles that fell back come back.
+    Blackouts end, vehicles that fell back come back, and limits act no longer.
 
     Examples
     --------
     >>> scenario = Scenario.from_values({"v2v.blackouts": [10.0, 12.0, 30.0, 31.5]})
-    >>> holds_again(scenario, [], ["no packets come in blackouts"])
+    >>> holds_again(scenario, Conduct(), ["no packets come in blackouts"])
     31.5
     """
     dark = [end for _, end in blackouts(scenario)]
-    back = [one.end for one in fallback if one.turns]
-    ends = [max(times) for times in (dark, back) if times]
+    back = [one.end for one in conduct.fallback if one.turns]
+    free = [one.end for one in conduct.limits if one.share]
+    ends = [max(times) for times in (dark, back, free) if times]
     over = bool(ends) and len(ends) == len(void) and max(ends) < scenario.run.duration
     return max(ends) if over else None
 

@@ -10,7 +10,6 @@ import numpy as np
 from cacc_platoon.analysis.age import LinkReception
 from cacc_platoon.analysis.basis import Bases, arrival, bases_of
 from cacc_platoon.analysis.consistency import Consistency
-from cacc_platoon.analysis.fallback import FallbackUse
 from cacc_platoon.analysis.follower_verdict import FollowerVerdict
 from cacc_platoon.analysis.guarantee import (
     guarantee_of,
@@ -21,6 +20,7 @@ from cacc_platoon.analysis.guarantee import (
 from cacc_platoon.analysis.noise import LinkNoise
 from cacc_platoon.analysis.packets import packet_times
 from cacc_platoon.analysis.premises import (
+    Conduct,
     broken_premises,
     holds_again,
     missed_by_the_loop,
@@ -186,7 +186,7 @@ def judge(
     noise: list[LinkNoise] | None = None,
     consistency: Consistency | None = None,
     reception: list[LinkReception] | None = None,
-    fallback: list[FallbackUse] | None = None,
+    conduct: Conduct | None = None,
 ) -> Verdict:
     """Judge a scenario, and with what its run showed, the run.
 
@@ -200,8 +200,8 @@ def judge(
         Whether the run obeys the equations.
     reception : list of LinkReception, optional
         What arrived over the links.
-    fallback : list of FallbackUse, optional
-        Who fell back to a law without V2V.
+    conduct : Conduct, optional
+        Who fell back to a law without V2V, and on whom limits acted.
 
     Examples
     --------
@@ -210,6 +210,7 @@ def judge(
     >>> judge(Scenario.from_values({"controller.time_headway": 0.65})).string_stable
     False
     """
+    conduct = conduct or Conduct()
     means = {(link.sender, link.follower): link.mean for link in noise or []}
     seen: dict[object, FollowerVerdict] = {}
     verdicts: list[FollowerVerdict] = []
@@ -230,7 +231,7 @@ def judge(
     equal = len(seen) == 1 and len({(f.tau, f.v2v, f.law_name) for f in scenario.followers}) == 1
     void = (
         *missed_by_the_loop(scenario, verdicts, equal=equal),
-        *broken_premises(scenario, noise or [], reception or [], consistency, fallback or []),
+        *broken_premises(scenario, noise or [], reception or [], consistency, conduct),
     )
     return Verdict(
         stable,
@@ -240,7 +241,7 @@ def judge(
         equal,
         bool(other_laws(scenario)),
         void,
-        holds_again(scenario, fallback or [], void) if stable else None,
+        holds_again(scenario, conduct, void) if stable else None,
         tuple(verdicts),
         _weakest(scenario, verdicts),
         _end_to_end(scenario, verdicts),

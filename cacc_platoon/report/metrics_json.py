@@ -125,6 +125,15 @@ def _metrics(metrics: Metrics) -> dict[str, Any]:
         "first_collision": {"follower": collided[0], "time": collided[1]} if collided else None,
         **_reception(metrics.reception),
         "fallback": [_fallback(one) for one in metrics.fallback],
+        "limits": [
+            {
+                "follower": one.follower,
+                "share": one.share,
+                "begin": one.begin,
+                "end": one.end,
+            }
+            for one in metrics.limits
+        ],
     }
 
 
