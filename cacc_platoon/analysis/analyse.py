@@ -68,8 +68,9 @@ class Report:
 
     @property
     def headline(self) -> str:
-        """The verdict on the design and the standing of the data, in a few words."""
-        return f"{self.verdict.headline}, {self.standing.headline}"
+        """Whether vehicles collided, the verdict, and the standing of the data, in a few words."""
+        collided = "COLLISION, " if self.measured.first_collision else ""
+        return f"{collided}{self.verdict.headline}, {self.standing.headline}"
 
     @property
     def proven(self) -> bool:

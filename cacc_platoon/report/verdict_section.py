@@ -24,7 +24,8 @@ def verdict_section(report: Report, metrics: dict[str, Any]) -> str:
     """Return the verdict in a box, then the table of what it rests on."""
     verdict = report.verdict
     scenario = report.run.trajectory.scenario
-    kind, sign = ("good", "&#10003;") if report.proven else ("bad", "&#10007;")
+    good = report.proven and not report.measured.collision
+    kind, sign = ("good", "&#10003;") if good else ("bad", "&#10007;")
     lines = [f"<p>{as_html(_meaning(report))}</p>"]
     lines.append(f"<p><b>Data:</b> {as_html(report.standing.line)}.</p>")
     lines += [f"<p><b>Not checked:</b> {as_html(w)}.</p>" for w in report.standing.unchecked]

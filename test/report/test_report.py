@@ -256,7 +256,9 @@ def test_collision_is_reported_at_the_top(bags, tmp_path):
     assert f"COLLISION of vehicle {follower} at {time:g} s" in summary(
         report, metrics_document(report)
     )
+    assert report.headline.startswith("COLLISION, ")
     page = (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
+    assert '<header class="verdict bad"><h1>&#10007; Collision, ' in page
     assert page.index("<b>Collision</b>") < page.index("What the verdict rests on")
 
 
