@@ -398,7 +398,7 @@ def test_a_loop_whose_peaks_are_out_of_reach_is_judged_all_the_same(tmp_path, ca
     ringing = ["--set", "controller.k_p=1e6", "-o", str(tmp_path / "run")]
     assert main(["simulate", str(file), *ringing]) == 0
     out = capsys.readouterr().out
-    assert out.startswith("STRING STABLE BY DESIGN, CERTIFICATE VOID")
+    assert out.startswith("COLLISION, STRING STABLE BY DESIGN, CERTIFICATE VOID")
     assert "peaks of a_i grow per hop between followers by a factor of inf at most" in out
     metrics = json.loads((tmp_path / "run" / "metrics.json").read_text())
     assert metrics["verdict"]["linf_gain"] is metrics["verdict"]["sure_gain"] is None

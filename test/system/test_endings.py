@@ -225,7 +225,7 @@ def test_a_node_that_never_ends_is_ended(platoon: Start, tmp_path: Path) -> None
 
 
 def test_whoever_insists_leaves_the_bag_for_later(platoon: Start) -> None:
-    run = platoon("run.duration=700", "platoon.followers=3", hosts=2)
+    run = platoon("run.duration=2000", "platoon.followers=3", hosts=2)
     run.wait((run.folder.path / "run.json").is_file, 30, "run.json")
     run.wait(lambda: NO_BAG in said(run).message, 300, "the writing of the bag")
     run.kill("supervisor", signal.SIGINT)

@@ -23,7 +23,7 @@ from cacc_platoon.nodes import qos
 from cacc_platoon.supervision.protocol import VERSION, RunPhase, RunStatus
 
 CODE = "import sys; from cacc_platoon.supervision.entry_points import vehicle; sys.exit(vehicle())"
-PATIENCE = 30.0
+PATIENCE = 90.0
 NEWER = VERSION + 1
 LAST = RunStatus("last", RunPhase.FINISHED, 200, 201).to_json()
 

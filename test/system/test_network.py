@@ -31,7 +31,7 @@ STRANGER = Path(__file__).with_name("stranger.py")
 PAPER_A = Path(__file__).parents[2] / "config" / "paper_a.yaml"
 TWO = ("platoon.followers=2", "run.hosts=2")
 LOOKS = 25  # of 0.2 s each; where it can, a stranger has heard from a platoon after two or three
-PATIENCE = 30.0
+PATIENCE = 90.0
 
 
 class Machine:
