@@ -177,6 +177,8 @@ def _beyond_checks(scenario: Scenario, digested: bool) -> Iterator[str]:
     """Yield what no check sees."""
     record = scenario.record
     shown = [name for name in ("command", "spacing_error") if getattr(record, name)]
+    if any(follower.fallback_law() for follower in scenario.followers):
+        shown.append("reception")
     if shown:
         yield (
             f"{' and '.join(shown)}: recorded for viewers, in no digest, and no number here "

@@ -140,7 +140,7 @@ def _replay(
     run = dataclasses.replace(scenario.run, real_time_factor=0.0)
     initial = None
     if options.set:
-        initial = State(*(float(stream.values(1)[0]) for stream in record.outputs))
+        initial = State(*(float(stream.values(1)[0]) for stream in record.outputs[:3]))
     plan = plan_replay(dataclasses.replace(scenario, run=run), record.node, record.index, initial)
     shown = not options.verbose
     with libraries_on_stderr(), ProgressLine(scenario.run.step, shown=shown) as progress:

@@ -144,6 +144,27 @@ def test_a_lossy_node_is_replayed_bit_for_bit(platoon: Start, replay: Replay, no
     assert replay(run, 2, node)["identical"] is True
 
 
+WORLD = (
+    *("v2v.reception=fallback", "v2v.blackouts=[2, 4]", "v2v.fallback_after=0.4"),
+    *("sensing.range_std=0.05", "sensing.delay=0.03", "vehicle.limits=iso15622"),
+    *("vehicle.stops=true", "record.command=true", "run.hosts=2"),
+)
+
+
+@pytest.mark.parametrize("node", ["vehicle", "noise_relay"])
+def test_a_node_with_sensors_limits_and_a_fallback_is_replayed(
+    platoon: Start, replay: Replay, node: str
+) -> None:
+    run = platoon(*LOSSY, *channel_settings("cam_lossy"), *WORLD)
+    result = run.result()
+    assert result.exit_code == 0, result.errors
+    assert result.digest == run_digest(recording_of(simulate(run.scenario)), Graph.of(run.scenario))
+    assert replay(run, 2, node)["identical"] is True
+    if node == "vehicle":
+        softer = replay(run, 2, node, "--set", "controller.k_v=0.5")
+        assert softer["replayed"]["max_abs_spacing_error"] > 0.0
+
+
 def test_a_killed_relay_is_named_and_the_bag_is_readable(platoon: Start) -> None:
     relay = {"vehicle_2/noise_relay": ""}
     run = platoon("run.duration=60", *LOSSY[1:], "run.stall_timeout=2", manual_nodes=relay)
