@@ -7,6 +7,7 @@ from cacc_platoon.model import Forgery, Lattice
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.parameter import ScenarioError
 
+ISO = {"vehicle.limits": "iso15622"}
 RULE = 'must be "BEGIN END WHAT"'
 
 
@@ -36,6 +37,23 @@ RULE = 'must be "BEGIN END WHAT"'
         ({"v2v.false_data": ["0 nan frozen"]}, RULE),
         ({"v2v.false_data": ["0 20 factor=2", "15 30 frozen"]}, "must not overlap, as they do at"),
         ({"v2v.false_data": [3.0]}, "v2v.false_data"),
+        ({"v2v.send_rule": "often"}, "v2v.send_rule = 'often' must be periodic"),
+        ({"v2v.send_rule": "cam", "v2v.period": 0.1}, "v2v.period = 0.1 s must be 0 where v2v.se"),
+        ({"v2v.send_rule": "cam", "v2v.cam_check": 0.015}, "v2v.cam_check = 0.015 s must be a mul"),
+        ({"v2v.send_rule": "cam", "v2v.phase": 0.1}, "v2v.phase = 0.1 s must be a multiple of"),
+        ({"v2v.cam_check": 0.0}, "v2v.cam_check = 0.0 s must be > 0"),
+        ({"v2v.reception": "wait"}, "v2v.reception = 'wait' must be hold"),
+        ({"v2v.fallback_after": 0.0}, "v2v.fallback_after = 0.0 s must be > 0"),
+        ({"v2v.fallback_blend": -1.0}, "v2v.fallback_blend = -1.0 s must be > 0"),
+        ({"v2v.fallback_return": 0.0}, "v2v.fallback_return = 0.0 s must be > 0"),
+        ({"v2v.fallback_headway": 1.0}, "v2v.fallback_headway = 1.0 s must be above 2 vehicle.ta"),
+        ({"sensing.delay": -0.1}, "sensing.delay = -0.1 s must be >= 0"),
+        ({"sensing.range_std": -0.1}, "sensing.range_std = -0.1 m must be >= 0"),
+        ({"sensing.range_rate_std": "low"}, "sensing.range_rate_std = 'low' m/s must be a number"),
+        ({"vehicle.limits": "iso"}, "vehicle.limits = 'iso' must be none"),
+        ({"vehicle.max_jerk": 0.0}, "vehicle.max_jerk = 0.0 m/s^3 must be > 0"),
+        ({**ISO, "leader.profile": "brake", "leader.deceleration": 6.0}, "it brakes with 6 m/s^2"),
+        ({**ISO, "leader.profile": "step", "leader.acceleration": 4.5}, "accelerates with 4.5 m/s"),
     ],
 )
 def test_what_is_refused(values, words):

@@ -1,0 +1,111 @@
+"""What a verdict says of fallbacks, limits, sensors and packets that say something else."""
+
+import numpy as np
+import pytest
+
+from cacc_platoon.analysis import compute_metrics, judge
+from cacc_platoon.analysis.age import link_reception
+from cacc_platoon.analysis.fallback import fallback_use, reception_state
+from cacc_platoon.analysis.limits import limit_use
+from cacc_platoon.analysis.premises import Conduct
+from cacc_platoon.scenario import Scenario
+from cacc_platoon.simulation import monte_carlo, simulate, simulate_mean
+
+SHORT = {"platoon.followers": 2, "run.duration": 30.0}
+
+
+def judged(values):
+    run = simulate(Scenario.from_values({**SHORT, **values}))
+    measured = compute_metrics(run)
+    conduct = Conduct(measured.fallback, measured.limits)
+    return judge(run.scenario, measured.noise, None, measured.reception, conduct)
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"v2v.send_rule": "cam"}, "packets are sent as the sender moves"),
+        ({"v2v.jitter": 0.05}, "packets take different times (v2v.jitter, up to 0.05 s"),
+        ({"v2v.bias": 0.2, "v2v.noise_std": 0.1}, "v2v.bias, v2v.noise_std: up to 0.8 m/s^2)"),
+        ({"v2v.quantum": 0.1}, "the expectation run neither rounds nor cuts"),
+        ({"v2v.false_data": ("12 14 replay=2",)}, "false data between 12 and 14 s on 2 links"),
+        ({"sensing.delay": 0.1}, "sensing.delay up to 0.1 s): what is proven is of sensors"),
+        ({"sensing.range_std": 0.1}, "sensing.range_std up to 0.1 m)"),
+        (
+            {"v2v.reception": "fallback", "v2v.blackouts": (12.0, 15.0)},
+            "2 of 2 vehicles fell back to a law without V2V, between 12.49 and",
+        ),
+        (
+            {"vehicle.limits": "constant", "vehicle.max_jerk": 0.04},
+            "limits of actuators acted on 2 of 2 vehicles between 10.",
+        ),
+    ],
+)
+def test_what_voids_a_certificate(values, words):
+    verdict = judged(values)
+    assert not verdict.certified
+    assert any(words in reason for reason in verdict.void), verdict.void
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"vehicle.limits": "iso15622", "v2v.noise": "expected"},
+        {"vehicle.limits": "constant"},
+        {"vehicle.stops": True},
+        {"v2v.reception": "fallback"},
+        {"v2v.reception": "fallback", "v2v.loss": 0.1},
+        {"v2v.in_order": True},
+    ],
+)
+def test_what_does_not_act_voids_nothing(values):
+    verdict = judged(values)
+    assert verdict.certified, verdict.void
+
+
+def test_after_blackout_and_fallback_it_holds_again():
+    silent = {"v2v.reception": "fallback", "v2v.blackouts": (12.0, 15.0)}
+    verdict = judged(silent)
+    used = fallback_use(simulate(Scenario.from_values({**SHORT, **silent})))
+    assert verdict.holds_from == used[0].end
+    assert "when that is over" in verdict.afterwards
+    assert judged({**silent, "v2v.false_data": ("1 2 frozen",)}).holds_from is None
+
+
+def test_states_follow_the_share():
+    share = np.array([1.0, 0.5, 0.0, 0.0, 0.5, 1.0, 1.0, 0.5, 1.0])
+    assert reception_state(share).tolist() == [0, 1, 2, 2, 3, 0, 0, 1, 0]
+
+
+def test_where_a_vehicle_stands_counts_as_a_limit():
+    values = {**SHORT, "vehicle.stops": True, "leader.profile": "brake", "platoon.followers": 1}
+    run = simulate(Scenario.from_values({**values, "leader.deceleration": 6.0}))
+    assert run.velocity[:, 1:].min() >= 0.0
+    (used,) = limit_use(run)
+    assert used.end == run.time[-1] or used.share == 0.0
+
+
+def test_links_that_send_as_they_move_know_what_was_sent():
+    for extra in ({}, {"v2v.loss": 0.3}, {"v2v.latency": 0.05, "v2v.jitter": 0.1}):
+        run = simulate(Scenario.from_values({**SHORT, "v2v.send_rule": "cam", **extra}))
+        for link in link_reception(run):
+            assert link.age_max >= 0.1
+            assert link.sent > 100
+            assert not link.loses_too_much
+            assert (link.loss == 0.0) == ("v2v.loss" not in extra)
+
+
+def test_the_expectation_run_is_the_mean_of_errors_false_data_and_losses():
+    values = {
+        **SHORT,
+        "run.duration": 18.0,
+        "v2v.bias": 0.1,
+        "v2v.noise_std": 0.2,
+        "v2v.loss": 0.3,
+        "v2v.period": 0.05,
+        "v2v.false_data": ("11 12 factor=-2", "13 14 replay=1.5", "15 16 frozen"),
+    }
+    scenario = Scenario.from_values(values)
+    ensemble, mean = monte_carlo(scenario, runs=400), simulate_mean(scenario)
+    apart = np.abs(ensemble.mean - mean.spacing_error)
+    assert (apart <= 4.5 * ensemble.standard_error + 1e-9).all()
