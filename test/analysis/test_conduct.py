@@ -82,7 +82,8 @@ def test_where_a_vehicle_stands_counts_as_a_limit():
     run = simulate(Scenario.from_values({**values, "leader.deceleration": 6.0}))
     assert run.velocity[:, 1:].min() >= 0.0
     (used,) = limit_use(run)
-    assert used.end == run.time[-1] or used.share == 0.0
+    assert 0.0 < used.share < 0.01  # it stands for a moment, and then creeps up
+    assert used.begin > 15.0
 
 
 def test_links_that_send_as_they_move_know_what_was_sent():
