@@ -83,17 +83,7 @@ def simulate(
     """
     links = links_of_runs([scenario], noise, channel)
     states = propagate(scenario, links, progress, law=law, sensors=Sensors.of([scenario]))
-    used, share = used_of(links, states)
-    position, velocity, acceleration = (np.ascontiguousarray(part[:, 0]) for part in states)
-    return Trajectory(
-        scenario,
-        position,
-        velocity,
-        acceleration,
-        used[:, 0],
-        links.arrivals(0, states),
-        None if share is None else share[:, 0],
-    )
+    return _of_one_run(scenario, links, states)
 
 
 def links_of_runs(
@@ -132,6 +122,10 @@ def simulate_mean(scenario: Scenario) -> Trajectory:
     states = propagate(  # no code of the user's
         scenario, links, law=Follower.spacing_policy, sensors=sensors
     )
+    return _of_one_run(scenario, links, states)
+
+
+def _of_one_run(scenario: Scenario, links: Links, states: Array) -> Trajectory:
     used, share = used_of(links, states)
     position, velocity, acceleration = (np.ascontiguousarray(part[:, 0]) for part in states)
     return Trajectory(
@@ -140,7 +134,8 @@ def simulate_mean(scenario: Scenario) -> Trajectory:
         velocity,
         acceleration,
         used[:, 0],
-        share=None if share is None else share[:, 0],
+        links.arrivals(0, states),
+        None if share is None else share[:, 0],
     )
 
 
