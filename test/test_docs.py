@@ -12,13 +12,15 @@ from cacc_platoon.cli import VERBS
 from cacc_platoon.scenario.table import FORMER_NAMES, SNR_DB, TABLE
 
 ROOT = Path(__file__).parents[1]
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
+PAGES += sorted(page for room in ("docs", "examples") for page in (ROOT / room).rglob("*.md"))
 PARAMETERS = {*TABLE, SNR_DB.name, *FORMER_NAMES}
 GROUPS = {name.partition(".")[0] for name in TABLE}
 TOP = [path.name for path in ROOT.iterdir() if path.is_dir() and not path.name.startswith(".")]
 PACKAGE = [ROOT / "cacc_platoon", ROOT / "msg_adapters"]
 SOURCE = {path: path.read_text() for folder in PACKAGE for path in folder.rglob("*.py")}
-FILES = [*ROOT.glob("*.py"), *SOURCE, *(ROOT / "test").rglob("*.py")]
+FILES = [*ROOT.glob("*.py"), *SOURCE]
+FILES += [file for room in ("test", "examples") for file in (ROOT / room).rglob("*.py")]
 NOT_IN_THE_PROJECT = {"install", "log", "build", "runs"}  # made by tools and runs
 OTHER_FLAGS = {  # of pytest, ROS nodes and `ros2 bag play`
     *("-m", "-p", "--params-file", "--delay", "--rate", "--topics", "--wait-for-all-acked"),
