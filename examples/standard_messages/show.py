@@ -41,7 +41,8 @@ def tables(study: Study) -> str:
     ]
     parts = [
         _markdown(
-            ("design", *ways), [(one["name"], *map(_answer, one["rows"])) for one in designs]
+            ("design", *(_head(study, way) for way in ways)),
+            [(one["name"], *map(_answer, one["rows"])) for one in designs],
         ),
         _beside(study),
         _markdown(("design", "h_w [s]", "k_a", "k_v [1/s]", "k_p [1/s^2]", "from"), gains),
@@ -53,6 +54,12 @@ def tables(study: Study) -> str:
 def _markdown(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     lines = [heads, ["---"] * len(heads), *rows]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def _head(study: Study, way: str) -> str:
+    """Say what is judged: a packet at fixed times in the place of CAM, or a run."""
+    fixed = way.replace("CAM", f"theory, every {study['packets']['period']:g} s as CAM")
+    return f"theory, {way}" if way == "ideal" else fixed.replace(_DARK, f"one run, {_DARK}")
 
 
 def _answer(row: Study) -> str:
