@@ -68,9 +68,12 @@ def check_consistency(run: Trajectory) -> Consistency:
         recorded = (part[1:, 1:] for part in run.motion)
         difference = _farthest(due, recorded)
     custom = [follower.law_name for follower in followers]
-    difference[:, [bool(name) for name in custom]] = np.nan
+    receivers = [follower.v2v.receiver for follower in followers]
+    unknown = [bool(law or receiver) for law, receiver in zip(custom, receivers, strict=True)]
+    difference[:, unknown] = np.nan
     indices = [follower.index for follower in followers]
-    return _compared(difference, run.time[1:], indices, _of_custom_code(custom, "control law"))
+    code = (_of_custom_code(custom, "control law"), _of_custom_code(receivers, "reception"))
+    return _compared(difference, run.time[1:], indices, ", nor ".join(filter(None, code)))
 
 
 def check_links(run: Trajectory) -> Consistency:

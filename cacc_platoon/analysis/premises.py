@@ -117,10 +117,12 @@ def _growth_with_packets(
 
 
 def _own_code(scenario: Scenario) -> list[str]:
-    """Name custom channels and laws, of which nothing is proven."""
+    """Name custom channels, receptions and laws, of which nothing is proven."""
     channels = sorted({f.v2v.channel for f in scenario.followers if f.v2v.channel})
+    receivers = sorted({f.v2v.receiver for f in scenario.followers if f.v2v.receiver})
     return [
         *(f"v2v.channel = {name} is another channel than noise and loss" for name in channels),
+        *(f"v2v.receiver = {name} does what only its own code knows" for name in receivers),
         *(
             f"the control law {name} is another one than the certified one"
             for name in other_laws(scenario)

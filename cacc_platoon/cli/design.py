@@ -16,7 +16,7 @@ from cacc_platoon.report.design_figures import save_design_figures
 from cacc_platoon.report.design_terminal import render
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import format_scenario
-from cacc_platoon.scenario.table import V2V
+from cacc_platoon.scenario.v2v_parameters import V2V
 from cacc_platoon.theory.errors import DesignError
 from cacc_platoon.theory.explanation import explain_bounds, explain_design
 from cacc_platoon.theory.human_driver import HumanDriver

@@ -11,7 +11,7 @@ import numpy as np
 from cacc_platoon.model import Gains, factor_variance
 from cacc_platoon.reproduction.cases import CASES, DISTANCE, RHO, TAU_0, case_scenario
 from cacc_platoon.reproduction.slip import Slip
-from cacc_platoon.scenario.table import PAPER_BITS
+from cacc_platoon.scenario.v2v_parameters import PAPER_BITS
 from cacc_platoon.simulation import simulate
 from cacc_platoon.theory import (
     effective_interval,

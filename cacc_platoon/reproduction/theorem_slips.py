@@ -12,7 +12,7 @@ from cacc_platoon.reproduction.cases import CASES, RHO, TAU_0
 from cacc_platoon.reproduction.claim import yes
 from cacc_platoon.reproduction.mean_claims import TIMES, exponential_gaps
 from cacc_platoon.reproduction.slip import Slip
-from cacc_platoon.scenario.table import PAPER_BITS
+from cacc_platoon.scenario.v2v_parameters import PAPER_BITS
 from cacc_platoon.theory import (
     conservatism,
     effective_interval,

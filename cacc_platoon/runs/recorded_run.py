@@ -356,7 +356,7 @@ def _trajectory(
     for column, receiver in enumerate(receivers):
         if receiver.link in arrivals:
             arrived = arrivals[receiver.link]
-            received[:, column], share, _ = arrived.history(receiver.reception(), len(received))
+            received[:, column], share, _ = arrived.of_bag(receiver, len(received))
             if share is not None:
                 shares[column] = share
             if np.isnan(columns[Role("pose", receiver.index)][:1]).any():

@@ -23,16 +23,8 @@ from cacc_platoon.scenario.follower import Follower
 from cacc_platoon.scenario.names import vehicle_name
 from cacc_platoon.scenario.parameter import ScenarioError, refuse_unknown
 from cacc_platoon.scenario.plugin import check_plugin
-from cacc_platoon.scenario.table import (
-    FORMER_NAMES,
-    SNR_DB,
-    TABLE,
-    V2V,
-    Leader,
-    Platoon,
-    Run,
-    Vehicle,
-)
+from cacc_platoon.scenario.table import FORMER_NAMES, SNR_DB, TABLE, Leader, Platoon, Run, Vehicle
+from cacc_platoon.scenario.v2v_parameters import V2V
 
 MAX_SAMPLES = 10**8
 """More would neither fit into memory nor end."""
@@ -230,6 +222,7 @@ def check_follower(follower: Follower, step: float, source: str) -> None:
             list(v2v.bit_probabilities), source, f"must have 1 to {MAX_BITS} values"
         )
     check_plugin(v2v.channel, TABLE["v2v.channel"], source)
+    check_plugin(v2v.receiver, TABLE["v2v.receiver"], source)
     check_plugin(follower.law_name, TABLE["controller.law"], source)
     if follower.triggered and v2v.period:
         raise TABLE["v2v.period"].refusal(

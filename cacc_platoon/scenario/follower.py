@@ -49,8 +49,9 @@ from cacc_platoon.model.limits import Limit
 from cacc_platoon.model.send_rule import MOST_TIME
 from cacc_platoon.scenario.false_data import forgery
 from cacc_platoon.scenario.plugin import make_plugin
-from cacc_platoon.scenario.table import TABLE, V2V, Vehicle
+from cacc_platoon.scenario.table import TABLE, Vehicle
 from cacc_platoon.scenario.table import Sensing as SensingValues
+from cacc_platoon.scenario.v2v_parameters import V2V
 
 WHOLE = 1e-9
 """How far a number of control periods may be from a whole one, for rounding alone."""
@@ -295,14 +296,19 @@ class Follower:
 
     @property
     def own_code(self) -> dict[str, str]:
-        """What v2v.channel and controller.law name, as far as they name anything."""
-        named = {"v2v.channel": self.v2v.channel, "controller.law": self.law_name}
+        """What v2v.channel, v2v.receiver and controller.law name, as far as they name anything."""
+        named = {
+            "v2v.channel": self.v2v.channel,
+            "v2v.receiver": self.v2v.receiver,
+            "controller.law": self.law_name,
+        }
         return {name: text for name, text in named.items() if text}
 
     @property
     def counted(self) -> bool:
-        """Whether its channel may lose or delay packets, so that its relay counts them."""
-        return bool(self.v2v.channel) or self.triggered or not self._composed().prompt
+        """Whether its relay counts packets: they may be lost or late, or its receiver may ask."""
+        custom = self.v2v.channel or self.v2v.receiver
+        return bool(custom) or self.triggered or not self._composed().prompt
 
     @property
     def _longest_interval(self) -> int:
@@ -328,7 +334,7 @@ class Follower:
 
     def fallback_law(self) -> ConstantTimeHeadway | None:
         """Return the law that needs no V2V, where the vehicle falls back to one."""
-        if self.v2v.reception != "fallback":
+        if self.v2v.receiver or self.v2v.reception != "fallback":
             return None
         headway = self.v2v.fallback_headway or 2.0 * (1.0 + MARGIN) * self.tau_max
         return ConstantTimeHeadway(
@@ -336,7 +342,10 @@ class Follower:
         )
 
     def reception(self) -> Reception:
-        """Return what the vehicle makes of the packets that arrive."""
+        """Return what the vehicle makes of packets; v2v.receiver may name something else."""
+        if self.v2v.receiver:
+            made: Reception = make_plugin(self.v2v.receiver, "v2v.receiver", self, ("use",))
+            return made
         match self.v2v.reception:
             case "hold":
                 return HoldReception()

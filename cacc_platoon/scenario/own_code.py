@@ -30,6 +30,22 @@ def try_channel(receiver: Follower, samples: int) -> None:
         ) from error
 
 
+def try_reception(receiver: Follower) -> None:
+    """Make the reception of a link, and have it use a packet and none."""
+    reception = receiver.reception()
+    try:
+        used = [reception.use([(0, 1.0)]), reception.use([])]
+        wrong = "" if all(map(math.isfinite, used)) else f"returned {used}"
+    except (Exception, SystemExit) as error:  # a custom reception may fail in any way
+        wrong = f"raised {type(error).__name__}: {' '.join(str(error).split())}"
+    if wrong:
+        raise ScenarioError(
+            f"v2v.receiver = {receiver.v2v.receiver}: the reception of "
+            f"{vehicle_name(receiver.index)} {wrong}; the run would end there. Let use return a "
+            "finite number [m/s^2] whether a packet is delivered or not."
+        )
+
+
 def try_law(follower: Follower, speed: float, links: int) -> None:
     """Make the law of a follower, and ask it for a command in equilibrium.
 

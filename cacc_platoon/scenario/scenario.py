@@ -34,14 +34,13 @@ from cacc_platoon.scenario.checks import (
 )
 from cacc_platoon.scenario.follower import Follower
 from cacc_platoon.scenario.names import NodeKind, NodeName, vehicle_index, vehicle_name
-from cacc_platoon.scenario.own_code import try_channel, try_law
+from cacc_platoon.scenario.own_code import try_channel, try_law, try_reception
 from cacc_platoon.scenario.parameter import ScenarioError
 from cacc_platoon.scenario.ros_sections import forget, replace
 from cacc_platoon.scenario.table import (
     FORMER_NAMES,
     GROUPS,
     TABLE,
-    V2V,
     Controller,
     Leader,
     Platoon,
@@ -50,6 +49,7 @@ from cacc_platoon.scenario.table import (
     Sensing,
     Vehicle,
 )
+from cacc_platoon.scenario.v2v_parameters import V2V
 
 
 @dataclass(frozen=True)
@@ -243,7 +243,7 @@ class Scenario:
         return sorted(f"{name} = {text}" for name, text in named)
 
     def check_own_code(self) -> None:
-        """Make and try every custom channel and law once, before anything starts.
+        """Make and try every custom channel, reception and law once, before anything starts.
 
         Raises
         ------
@@ -257,6 +257,8 @@ class Scenario:
         for receiver in self.receivers:
             if receiver.v2v.channel:
                 try_channel(receiver, self.samples)
+            if receiver.v2v.receiver:
+                try_reception(receiver)
 
     @property
     def topology(self) -> Topology:

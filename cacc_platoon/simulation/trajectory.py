@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from cacc_platoon.model import ChoosingReception, Delivery, Reception
 from cacc_platoon.model.reception import picked
-from cacc_platoon.scenario import Scenario
+from cacc_platoon.scenario import Follower, Scenario
 
 Array: TypeAlias = npt.NDArray[np.float64]
 
@@ -32,6 +32,12 @@ class Arrivals(NamedTuple):
     source: npt.NDArray[np.int64]
     sample: npt.NDArray[np.int64]
     value: Array
+
+    def of_bag(self, receiver: Follower, samples: int) -> ReceptionHistory:
+        """Return what a receiver makes of it; NaN where only code knows that a bag names."""
+        if receiver.v2v.receiver:
+            return ReceptionHistory(np.full(samples, np.nan), None, None)
+        return self.history(receiver.reception(), samples)
 
     def history(self, reception: Reception, samples: int) -> ReceptionHistory:
         """Return what the receiver makes of it at each sample."""

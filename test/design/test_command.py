@@ -19,7 +19,7 @@ from cacc_platoon.errors import UserError
 from cacc_platoon.model import Gains
 from cacc_platoon.report.design_terminal import render
 from cacc_platoon.scenario.file import load_scenario
-from cacc_platoon.scenario.table import V2V
+from cacc_platoon.scenario.v2v_parameters import V2V
 from cacc_platoon.theory import (
     DesignError,
     exact_region,

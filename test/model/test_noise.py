@@ -14,7 +14,7 @@ from cacc_platoon.model import (
     factor_variance,
 )
 from cacc_platoon.model.keyed_random import BLOCK, STREAM_VERSION
-from cacc_platoon.scenario.table import PAPER_BITS
+from cacc_platoon.scenario.v2v_parameters import PAPER_BITS
 
 DRAWS = 400_000
 

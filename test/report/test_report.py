@@ -320,6 +320,7 @@ CHANGED = {
     "v2v.loss": 0.25,
     "v2v.reception": "zero",
     "v2v.channel": "own_parts:channel",
+    "v2v.receiver": "own_parts:HalfTrusting",
     "leader.profile": "csv",
     "leader.start": 0.75,
     "leader.amplitude": 0.875,
@@ -361,6 +362,16 @@ class law:
 
     def command(self, x, v, x_ahead, v_ahead, *received):
         return self._law.command(x, v, x_ahead, v_ahead, received[-1])
+
+
+class HalfTrusting:
+    def __init__(self, follower):
+        self._value = 0.0
+
+    def use(self, delivered):
+        for _, value in delivered:
+            self._value = 0.5 * value
+        return self._value
 
 
 def channel(follower):

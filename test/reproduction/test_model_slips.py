@@ -9,7 +9,7 @@ from scipy import signal
 
 from cacc_platoon.reproduction import model_slips as module
 from cacc_platoon.reproduction.cases import case_scenario
-from cacc_platoon.scenario.table import PAPER_BITS
+from cacc_platoon.scenario.v2v_parameters import PAPER_BITS
 from cacc_platoon.theory import EffectiveInterval
 
 

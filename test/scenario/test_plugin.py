@@ -120,6 +120,14 @@ class Half:
     def command(self, x, v, x_ahead, v_ahead, received):
         return 0.5 * self._law.command(x, v, x_ahead, v_ahead, received)
 
+class Deaf(Liar):
+    def use(self, delivered):
+        return float("nan") if list(delivered) else 0.0
+
+class Shouting(Liar):
+    def use(self, delivered):
+        raise ValueError("too loud")
+
 class Nobody(Liar):
     def command(self, *inputs):
         return float("nan")
@@ -157,7 +165,7 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize("name", ["v2v.channel", "controller.law"])
+@pytest.mark.parametrize("name", ["v2v.channel", "v2v.receiver", "controller.law"])
 @pytest.mark.parametrize(("text", "words"), WRONG)
 def test_what_cannot_be_used_is_refused(name, text, words):
     with pytest.raises(ScenarioError) as refusal:
@@ -204,6 +212,19 @@ def test_a_channel_that_does_not_keep_its_promise_is_named(verb, name, words, tm
     assert words in error
     assert len(error.splitlines()) == 1
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [("Deaf", "returned [nan, 0.0]"), ("Shouting", "raised ValueError: too loud")],
+)
+def test_a_reception_that_does_not_what_it_must_is_named(name, words):
+    own = {"v2v.receiver": f"my_code:{name}", "run.duration": 1.0}
+    with pytest.raises(ScenarioError, match=f"v2v.receiver = my_code:{name}: the reception of"):
+        Scenario.from_values(own).check_own_code()
+    with pytest.raises(ScenarioError) as refusal:
+        Scenario.from_values(own).check_own_code()
+    assert words in str(refusal.value)
 
 
 def test_a_channel_that_depends_on_how_it_is_asked_is_named():

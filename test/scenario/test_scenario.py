@@ -13,7 +13,8 @@ from cacc_platoon.model import State, expected_factor
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import format_scenario, load_scenario, parse_scenario
 from cacc_platoon.scenario.parameter import ScenarioError
-from cacc_platoon.scenario.table import PAPER_BITS, TABLE
+from cacc_platoon.scenario.table import TABLE
+from cacc_platoon.scenario.v2v_parameters import PAPER_BITS
 
 CONFIG = Path(__file__).parents[2] / "config"
 

@@ -1,6 +1,7 @@
-"""A custom channel and control law, named by a scenario as own_parts:<name>."""
+"""A custom channel, reception and control law, named by a scenario as own_parts:<name>."""
 
 import multiprocessing
+from collections.abc import Iterable
 
 from cacc_platoon.model import ComposedChannel, ContentNoise, IndependentLoss, Packets
 from cacc_platoon.scenario import Follower
@@ -53,6 +54,20 @@ class TwoAhead(Cautious):
         for value in received[1:]:
             total = total + value
         return self._law.command(x, v, x_ahead, v_ahead, total / len(received))
+
+
+class Forgetting:
+    """Uses the newest packet, and less of it at every sample in which none comes."""
+
+    def __init__(self, follower: Follower) -> None:
+        self._value, self._source = 0.0, -1
+
+    def use(self, delivered: Iterable[tuple[int, float]]) -> float:
+        self._value *= 0.9
+        for source, value in delivered:
+            if source > self._source:
+                self._source, self._value = source, value
+        return self._value
 
 
 def tried_alone(follower: Follower) -> Cautious:

@@ -179,6 +179,17 @@ def test_a_killed_relay_is_named_and_the_bag_is_readable(platoon: Start) -> None
     assert np.isfinite(report.run.trajectory.received[:200]).all()
 
 
+def test_a_reception_of_ones_own(platoon: Start, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(HERE))
+    own = (*LOSSY, "v2v.receiver=own_parts:Forgetting")
+    result = platoon(*own, hosts=2, environment={"PYTHONPATH": str(HERE)}).result()
+    assert result.exit_code == 0, result.errors
+    assert result.digest == simulated_digest(*own), result.message
+    assert result.digest != simulated_digest(*LOSSY)
+    report = analyse(result.folder.path, runs=0)
+    assert any("v2v.receiver = own_parts:Forgetting" in reason for reason in report.verdict.void)
+
+
 def test_a_replay_does_not_run_code_that_only_a_bag_names(
     platoon: Start, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from cacc_platoon.model import Gains
 from cacc_platoon.model.noise import BitNoise
-from cacc_platoon.scenario.table import V2V
+from cacc_platoon.scenario.v2v_parameters import V2V
 from cacc_platoon.theory import DesignError, is_string_stable
 from cacc_platoon.theory.chance_constrained import (
     amplifying_probability,

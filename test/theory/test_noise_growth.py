@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from cacc_platoon.model import Gains
 from cacc_platoon.model.noise import expected_factor, factor_variance
-from cacc_platoon.scenario.table import V2V
+from cacc_platoon.scenario.v2v_parameters import V2V
 from cacc_platoon.simulation.brute_force import response
 from cacc_platoon.theory import (
     DesignError,
