@@ -43,7 +43,8 @@ _ZERO = (
 _HOLD = (
     "the last packet is held{} while others are lost: judged is the mean system too, at the packet "
     "reception probability p{} and the control period of the run, by the exact test of the "
-    "sampled loop with k filtered by p/(1 - (1 - p)/z), at 22 lags up to tau0 and without lag"
+    "sampled loop with k filtered by p/(1 - (1 - p)/z), at 22 lags up to tau0, without "
+    "lag, and at the worst lags between"
 )
 _PACKETS = (
     "packets come {}: judged is the mean system too, sampled at the control period of the run, "

@@ -162,13 +162,11 @@ class Estimates(NamedTuple):
         return np.concatenate(parts)
 
     def _joint_latency_margin(self, c: Candidates, periods: Float) -> Float:
-        lag = (self.tau_max * _LAGS)[:, np.newaxis]
+        lag = (self.tau_max * _LAGS)[:, np.newaxis, np.newaxis]
         ends = self._ends(c)
-        stable = np.ones(len(c), dtype=np.bool_)
-        for k in ends:
-            stable &= sampled_stability_map(
-                c.time_headway, c.k_v, c.k_p, lag, k, period=periods, held=self.held
-            ).all(axis=0)
+        stable = sampled_stability_map(
+            c.time_headway, c.k_v, c.k_p, lag, ends, period=periods, held=self.held
+        ).all(axis=(0, 1))
         h, v, p = (x[:, np.newaxis] for x in (c.time_headway, c.k_v, c.k_p))
         delay = joint_headroom(
             h,
@@ -235,7 +233,12 @@ class Estimates(NamedTuple):
 
         Partial fractions are good enough here: poles closer than 1e-6 are moved apart.
         """
-        return np.maximum(*(self._linf_gain(c, share * self.tau_max) for share in (1.0, 0.02)))
+        found = [np.zeros(0)]
+        for start in range(0, len(c), _CHUNK):
+            part = c.pick(np.arange(start, min(start + _CHUNK, len(c))))
+            gains = (self._linf_gain(part, share * self.tau_max) for share in (1.0, 0.02))
+            found.append(np.maximum(*gains))
+        return np.concatenate(found)
 
     def _linf_gain(self, c: Candidates, lag: float) -> Float:
         p = self.modes(c, lag) * (1.0 + 1e-6 * np.arange(3))
@@ -243,7 +246,9 @@ class Estimates(NamedTuple):
         grid = np.concatenate(([0.0], np.linspace(0.0, 1.0, 120)))
         t = start[:, np.newaxis] * (stop / start)[:, np.newaxis] ** grid
         t[:, 0] = 0.0
-        waves = np.exp(p[:, :, np.newaxis] * t[:, np.newaxis, :])
+        size = np.exp(p.real[:, :, np.newaxis] * t[:, np.newaxis])
+        turn = p.imag[:, :, np.newaxis] * t[:, np.newaxis]
+        waves = size * np.cos(turn), size * np.sin(turn)
         slope = lag * np.stack(
             [(p[:, i] - p[:, i - 1]) * (p[:, i] - p[:, i - 2]) for i in range(3)], axis=1
         )
@@ -252,7 +257,8 @@ class Estimates(NamedTuple):
         for k in self._ends(c):
             rest = (1.0 - k)[:, np.newaxis]
             weights = ((lag * p + rest) * p + offset) / slope
-            remainder = np.einsum("ij,ijk->ik", weights, waves).real
+            remainder = np.einsum("ij,ijk->ik", weights.real, waves[0])
+            remainder -= np.einsum("ij,ijk->ik", weights.imag, waves[1])
             variation = np.abs(np.diff(remainder, axis=1)).sum(axis=1)
             worst = np.maximum(worst, variation)
         return worst

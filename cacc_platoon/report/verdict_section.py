@@ -137,7 +137,7 @@ def _certificate_rows(report: Report) -> Iterator[tuple[str, str, str]]:
         "Sampled at the control period",
         _answer(all(one.sampled for one in verdict.followers), unknown),
         f"exact test (L2) of {loops}, at {report.run.grid.step / 1e9:g} s, each vehicle behind one "
-        "of the same lag; at 22 lags up to tau0 and without lag",
+        "of the same lag; at 22 lags up to tau0, without lag, and at the worst lags between",
     )
     for loss in bases.losses:
         concerned = [one for one in verdict.followers if one.follower in loss.followers]

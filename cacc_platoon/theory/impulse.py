@@ -112,16 +112,27 @@ def _time_functions(
 
     def at(row: NDArray[np.intp], t: Float) -> Float:
         near = close[row]
-        modes = np.exp(
-            np.where(near[:, np.newaxis], 0.0, poles[row])[..., np.newaxis] * t[:, np.newaxis]
-        )
-        result = (weight[row][..., np.newaxis] * modes).sum(axis=1).real
+        result = _sum_of_modes(weight[row], np.where(near[:, np.newaxis], 0.0, poles[row]), t)
         if near.any():
             both = row[near]
             result[near] = _newton_form(coefficients[both], poles[both], t[near])
         return np.asarray(result, dtype=np.float64)
 
     return at
+
+
+def _sum_of_modes(weight: Complex, poles: Complex, t: Float) -> Float:
+    """``sum w exp(p t)`` in real terms: a pair of conjugates is twice the real part of one."""
+    size = np.where(poles.imag == 0, weight.real, 0.0)
+    decay = np.exp(poles.real[..., np.newaxis] * t[:, np.newaxis])
+    result = (size[..., np.newaxis] * decay).sum(axis=1)
+    row, upper = np.nonzero(poles.imag > 0)
+    if row.size:
+        twice, times = 2.0 * weight[row, upper, np.newaxis], t[row]
+        turn = poles.imag[row, upper, np.newaxis] * times
+        wave = twice.real * np.cos(turn) - twice.imag * np.sin(turn)
+        result[row] += decay[row, upper] * wave
+    return np.asarray(result, dtype=np.float64)
 
 
 def _newton_form(coefficients: Float, poles: Complex, t: Float) -> Float:

@@ -8,32 +8,35 @@ amplifies where
 .. math:: 2 k |V F G| \cos(\arg(F G \bar V) - \omega\Delta) > |D_T|^2 - |V|^2 - k^2 |F G|^2 .
 
 At one frequency the first ``Delta`` is therefore closed form; the latency margin is its minimum
-over frequency, both ends of I (``|V + k F G|^2`` is convex in ``k``) and a grid of lags. Packets
-come at the control instants, so that the acceleration in use is ``ceil(Delta/T)`` periods old; no
-such age below the margin amplifies (docs/theory.md, section 7 (V2V latency)).
+over frequency, both ends of I (``|V + k F G|^2`` is convex in ``k``) and lag: along the valleys
+between the lags of a grid, which is numerical. Packets come at the control instants, so that the
+acceleration in use is ``ceil(Delta/T)`` periods old; no such age below the margin amplifies
+(docs/theory.md, section 7 (V2V latency)).
 """
 
 from __future__ import annotations
 
 import math
+import sys
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from cacc_platoon.theory.between_lags import between
 from cacc_platoon.theory.exact import TOLERANCE, is_string_stable
+from cacc_platoon.theory.first_loss import first_loss
 from cacc_platoon.theory.noise_interval import effective_gains
 from cacc_platoon.theory.sampled import (
     hold_integrals,
     is_sampled_string_stable,
     lags_to_try,
     longest_period,
+    lost_between,
     margins_at,
     require_held,
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from numpy.typing import ArrayLike, NDArray
 
     from cacc_platoon.model.control import Gains
@@ -44,6 +47,11 @@ __all__ = ["joint_critical_period", "joint_headroom", "joint_latency_margin"]
 
 _FREQUENCIES, _COARSE = 200, 72
 _VALLEYS, _PASSES = 4, 4
+_FINE_SHARES = np.linspace(0.0, 1.0, 41)
+_LAG_SHARES, _SHARES, _PASSES_BETWEEN = np.linspace(0.0, 1.0, 11), np.linspace(0.0, 1.0, 17), 10
+_ASKEW, _ASIDE = 0.5, 0.1  # how far a valley goes from lag to lag, and its width, in log(omega)
+_SHALLOW = 2.0  # times the least headroom: no valley that is as high is the deepest
+_MORE_LAGS, _ROUNDING = 8, 1e-9
 
 
 @np.errstate(all="ignore")  # what overflows is no headroom
@@ -146,7 +154,7 @@ def joint_latency_margin(
     ):
         return 0.0
     loop = _Loop.of(gains, rho, tau_max, held, reception=reception, k_effective=k_effective)
-    return _least_headroom(loop, period)
+    return _headroom_between(loop, period)[0]
 
 
 class _Loop(NamedTuple):
@@ -202,17 +210,17 @@ class _Loop(NamedTuple):
         h, _, k_v, k_p = self.gains
         return joint_headroom(h, k_v, k_p, lag, k, period=period, omega=omega, held=self.held)
 
-    def pairs(self, lags: Float) -> tuple[Float, Float]:
-        """Pair the lags with the ends of I, each of shape (pairs, 1)."""
-        lag, k = np.meshgrid(lags, self.ends)
-        return lag.reshape(-1, 1), k.reshape(-1, 1)
+    def delays(self, lags: Float, periods: Float | float, omega: Float) -> Float:
+        """Lay `headroom` over lags and both ends of I, the first two axes."""
+        lag = lags.reshape(-1, *[1] * (1 + omega.ndim))
+        k = np.reshape(self.ends, (-1, *[1] * omega.ndim))
+        return self.headroom(lag, k, periods, omega)
 
 
 def _least_headroom(loop: _Loop, period: float) -> float:
-    """Minimise `joint_headroom` over frequency, lags and ends of I."""
+    """Minimise `joint_headroom` over frequency, the lags of the loop and ends of I."""
     omega = loop.frequencies(np.array([period]), _FREQUENCIES)[0]
-    lag, k = loop.pairs(loop.lags)
-    delay = loop.headroom(lag, k, period, omega)
+    delay = loop.delays(loop.lags, period, omega).reshape(-1, omega.size)
     worst, envelope = np.argmin(delay, axis=0), np.min(delay, axis=0)
     best = float(np.min(envelope))
     if not math.isfinite(best):
@@ -222,15 +230,63 @@ def _least_headroom(loop: _Loop, period: float) -> float:
     valleys = valleys[np.argsort(envelope[valleys], kind="stable")[:_VALLEYS]]
     low = omega[np.maximum(valleys - 1, 0)]
     high = omega[np.minimum(valleys + 1, omega.size - 1)]
-    lag, k = lag[worst[valleys]], k[worst[valleys]]
+    place, end = np.divmod(worst[valleys], len(loop.ends))
+    lag, k = loop.lags[place, np.newaxis], np.asarray(loop.ends)[end, np.newaxis]
     rows = np.arange(valleys.size)
     for _ in range(_PASSES):  # each pass narrows the brackets twentyfold
-        local = np.linspace(low, high, 41, axis=1)
+        local = between(low, high, _FINE_SHARES)
         delay = loop.headroom(lag, k, period, local)
         least = np.argmin(delay, axis=1)
         best = min(best, float(np.min(delay)))
         low, high = local[rows, np.maximum(least - 1, 0)], local[rows, np.minimum(least + 1, 40)]
     return best
+
+
+def _headroom_between(loop: _Loop, period: float) -> tuple[float, float]:
+    """Least headroom over the lags between those of the loop too, and the lag [s] where it is.
+
+    From one lag to the next the frequency of a valley changes; it is followed on the way.
+    """
+    omega, lags = loop.frequencies(np.array([period]), _FREQUENCIES)[0], loop.lags
+    delay = loop.delays(lags, period, omega)
+    padded = np.full((lags.size + 2, len(loop.ends), omega.size + 2), np.inf)
+    padded[1:-1, :, 1:-1] = delay
+    beside = (padded[:-2, :, 1:-1], padded[2:, :, 1:-1], padded[1:-1, :, :-2], padded[1:-1, :, 2:])
+    least = delay <= min(_SHALLOW * float(np.min(delay)), sys.float_info.max)
+    for other in beside:
+        least &= delay <= other
+    place, end, at = np.nonzero(least)
+    best = (math.inf, float(lags[-1]))
+    if not place.size:
+        return best
+    deepest = np.argsort(delay[least], kind="stable")[:_VALLEYS]
+    place, end, at = (np.tile(index[deepest], 2) for index in (place, end, at))
+    step = np.repeat([-1, 1], deepest.size)
+    beyond = np.clip(place + step, 0, lags.size - 1)
+    along = np.abs(np.log(omega / omega[at, np.newaxis])) < _ASKEW
+    there = omega[np.argmin(np.where(along, delay[beyond, end], np.inf), axis=1)]
+    k, rows = np.asarray(loop.ends)[end, np.newaxis, np.newaxis], np.arange(place.size)
+    ratio = np.log(there / omega[at])[:, np.newaxis]
+    shares = np.zeros(rows.size), np.ones(rows.size)
+    sides = np.full(rows.size, -_ASIDE), np.full(rows.size, _ASIDE)
+    for _ in range(_PASSES_BETWEEN):
+        share, aside = between(*shares, _LAG_SHARES), between(*sides, _SHARES)
+        lag = lags[place, np.newaxis] + share * (lags[beyond] - lags[place])[:, np.newaxis]
+        middle = omega[at, np.newaxis] * np.exp(share * ratio)
+        local = np.minimum(middle[:, :, np.newaxis] * np.exp(aside)[:, np.newaxis], omega[-1])
+        delay = loop.headroom(lag[:, :, np.newaxis], k, period, local).reshape(rows.size, -1)
+        lowest = np.argmin(delay, axis=1)
+        row = int(np.argmin(delay[rows, lowest]))
+        nearest, across = np.divmod(lowest, _SHARES.size)
+        best = min(best, (float(delay[row, lowest[row]]), float(lag[row, nearest[row]])))
+        shares, sides = _around(share, nearest), _around(aside, across)
+    return best
+
+
+def _around(values: Float, at: NDArray[np.intp]) -> tuple[Float, Float]:
+    """Return what is two places beside one in each row."""
+    rows, last = np.arange(at.size), values.shape[1] - 1
+    return values[rows, np.maximum(at - 2, 0)], values[rows, np.minimum(at + 2, last)]
 
 
 def joint_critical_period(
@@ -290,35 +346,35 @@ def joint_critical_period(
         width = (high - low) / 24
         high = float(periods[lost[0]])
         low = high - width if lost[0] else low
-    return _first_loss(slack, low, high, 1e-9 * tau_max)
+    found = first_loss(slack, low, high, 1e-9 * tau_max)
+    for _ in range(_MORE_LAGS):
+        loop, lack = _with_lags_that_lose(loop, found, latency)
+        if not lack:
+            break
+        low = max(found - lack, 0.5 * found)
+        found = first_loss(slack, low, found, 1e-9 * tau_max, slack(found))
+    return found
+
+
+def _with_lags_that_lose(loop: _Loop, period: float, latency: float) -> tuple[_Loop, float]:
+    """Add lags between those that bear a period that do not, and say how far to shorten it [s].
+
+    A headroom that is short by some time is long enough with a period that is shorter by as much.
+    """
+    if not period or len(loop.lags) == 1:
+        return loop, 0.0
+    worse = lost_between(loop.gains, loop.ends, loop.lags, period, held=loop.held)
+    lack = 0.001 * period if worse.size else 0.0
+    headroom, lag = _headroom_between(loop, period)
+    late = latency + period - headroom
+    if late > _ROUNDING * period:
+        worse, lack = np.append(worse, lag), max(lack, 1.01 * late)
+    return loop._replace(lags=np.union1d(loop.lags, worse)), lack
 
 
 def _bears(loop: _Loop, periods: Float, latency: float) -> NDArray[np.bool_]:
     """Say which periods leave a headroom of the latency and one period, on coarse frequencies."""
-    lag, k = loop.pairs(loop.lags[[0, len(loop.lags) // 2, -1]])
     omega = loop.frequencies(periods, _COARSE)
-    delay = loop.headroom(lag[:, np.newaxis], k[:, np.newaxis], periods[:, np.newaxis], omega)
-    late = np.min(delay, axis=(0, 2)) >= latency + periods
+    few = loop.lags[[0, len(loop.lags) // 2, -1]]
+    late = loop.delays(few, periods[:, np.newaxis], omega).min(axis=(0, 1, 3)) >= latency + periods
     return np.asarray(loop.stable(periods) & late, dtype=np.bool_)
-
-
-def _first_loss(slack: Callable[[float], float], low: float, high: float, shortest: float) -> float:
-    """Close in on where a falling `slack` turns negative; 0 where that is below `shortest`.
-
-    Regula falsi (Illinois), halving where an end is not finite.
-    """
-    at_low, at_high, rose = math.inf, -math.inf, False
-    while low > shortest and (at_low := slack(low)) < 0:
-        low, high, at_high = 0.75 * low, low, at_low
-    while high - low > 1e-7 * high:
-        if high < shortest:
-            return 0.0
-        share = at_low / (at_low - at_high) if math.isfinite(at_low - at_high) else 0.5
-        middle = low + min(max(share, 1e-8), 1.0 - 1e-8) * (high - low)
-        value = slack(middle)
-        if value >= 0:  # an end that stays twice counts half
-            low, at_low, at_high = middle, value, at_high * (0.5 if rose else 1.0)
-        else:
-            high, at_high, at_low = middle, value, at_low * (1.0 if rose else 0.5)
-        rose = value >= 0
-    return low

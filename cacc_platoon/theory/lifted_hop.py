@@ -19,8 +19,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from cacc_platoon.theory.between_lags import between
 from cacc_platoon.theory.errors import require, require_positive
-from cacc_platoon.theory.sampled import require_held, sampled_hop
+from cacc_platoon.theory.sampled import hold_integrals, require_held, sampled_hop
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -50,7 +51,7 @@ MOST_INTERVAL = 256
 MOST_LATE = 100_000
 """Control periods that a packet may be late."""
 
-_LOCAL, _PASSES = 13, 4
+_SHARES, _PASSES = np.linspace(0.0, 1.0, 13), 4
 _NEAR, _ELIMINATIONS, _UNLIKELY, _SETTLED = (3, 12, 32), 8, 2.0, 1e-10
 
 
@@ -143,15 +144,18 @@ class PacketTimes(NamedTuple):
         sine, cosine = np.sin(0.5 * turn), np.cos(0.5 * turn)
         d = 2.0 * sine / T * (1j * cosine - sine)
         hop = sampled_hop(h, k_v, k_p, lag, 0.0, period=T)
-        a1 = sampled_hop(h, k_v, k_p, lag, 1.0, period=T).numerator[2] - hop.numerator[2]
+        a1, _, _ = hold_integrals(lag, np.asarray(T))
         own = ((hop.numerator[2] * d) + hop.numerator[1]) * d + hop.numerator[0]
         loop = ((d + hop.loop[2]) * d + hop.loop[1]) * d + hop.loop[0]
         with np.errstate(invalid="ignore", divide="ignore"):
-            mean = np.sin(0.5 * angle) / (count * sine) * np.exp(-0.5j * turn * (count - 1))
-        mean = np.where(sine == 0.0, 1.0, np.where(alias % 2, -1.0, 1.0) * mean)
-        share = self.held / (1.0 - (1.0 - self.held) * np.exp(-1j * angle))
-        heard = a1 * d * d / loop * mean * np.exp(-1j * turn * self.latency) * share
-        return own / loop, k * heard
+            mean = np.sin(0.5 * angle) * np.exp(-0.5j * angle) / count * (cosine / sine + 1j)
+        mean = np.where(sine == 0.0, 1.0, mean)
+        if self.latency:
+            mean = mean * np.exp(-1j * turn * self.latency)
+        if self.held != 1.0:
+            mean = mean * self.held / (1.0 - (1.0 - self.held) * np.exp(-1j * angle))
+        per_loop = 1.0 / loop
+        return own * per_loop, k * (a1 * d * d * mean * per_loop)
 
     def shifted(self, parts: Parts, angle: ArrayLike, step: int) -> Parts:
         """Return the hop when each vehicle sends `step` control periods after its predecessor."""
@@ -234,9 +238,9 @@ def refined_peaks(size: Callable[[Float], Float], low: Float, high: Float) -> tu
     """Close in on a peak of each row of `size` between `low` and `high`: its height and place."""
     rows = np.arange(low.size)
     for _ in range(_PASSES):
-        local = np.linspace(low, high, _LOCAL, axis=1)
+        local = between(low, high, _SHARES)
         found = size(local)
         top = np.argmax(found, axis=1)
         low = local[rows, np.maximum(top - 1, 0)]
-        high = local[rows, np.minimum(top + 1, _LOCAL - 1)]
+        high = local[rows, np.minimum(top + 1, _SHARES.size - 1)]
     return found[rows, top], local[rows, top]

@@ -343,17 +343,17 @@ def _over_lags(
     if not is_internally_stable(gains, tau_max):
         return WorstGain(math.inf, tau_max, math.inf)
     lags = _lags(gains, tau_max)
-    found = np.maximum(norms(lags), least)
     shorter = np.maximum(lags[0] * np.array([1e-4, 0.1, 0.3, 1.0]), _stiffest(gains))
-    limit = max(least, float(norms(shorter[:1])[0]))
-    below = limit * (np.max(_change(gains, shorter)) - 1.0)  # ||D_0/D||_1 times the limit
     middle = np.sqrt(lags[1:] * lags[:-1])
     wide = np.maximum(lags[1:] / middle, 2.0 - lags[:-1] / middle) - 1.0
-    reach = wide * _change(gains, middle)
+    change, change_below = np.split(_change(gains, np.append(middle, shorter)), [middle.size])
+    reach = wide * change
     excess = np.where(reach < 1.0, 2.0 * reach**2 / (1.0 - reach), np.inf)
-    between = np.maximum(found[1:], found[:-1])
+    lags = np.append(lags, shorter[0])
+    found = np.maximum(norms(lags), least)
+    between = np.maximum(found[1:-1], found[:-2])
     bound = between * (1.0 + excess / np.maximum(1.0 - reach, 1e-9))
-    lags, found = np.append(lags, shorter[0]), np.append(found, limit)
+    below = float(found[-1]) * (np.max(change_below) - 1.0)  # ||D_0/D||_1 times the limit
     at = int(np.argmax(found))
     return WorstGain(float(found[at]), float(lags[at]), float(max(np.max(bound), below)))
 

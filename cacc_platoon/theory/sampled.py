@@ -10,8 +10,9 @@ with ``q`` of degree 2, or 3 when a receiver holds the last packet, which arrive
 ``p``: in the mean that filters it by ``p/(1 - (1 - p)/z)``, and ``D_T``, ``N_T`` are multiplied by
 ``z - (1 - p)``. The hop is string stable iff ``q >= 0`` on ``(0, 4/T^2]`` and the roots of ``D_T``
 are in the unit disc.
-The worst ``k`` is an end of I, since ``|N_T|^2`` is convex in ``k``; the worst lag is searched on
-a grid over ``[0, tau_0]``: that part is numerical (docs/theory.md, section 6 (Sampling)).
+The worst ``k`` is an end of I, since ``|N_T|^2`` is convex in ``k``. At one lag all this is exact;
+the worst lag is closed in on where the slack is least among lags of a grid over ``[0, tau_0]``:
+that part is numerical (docs/theory.md, section 6 (Sampling)).
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from cacc_platoon.theory.between_lags import least_between
 from cacc_platoon.theory.errors import require_positive, require_reception
 from cacc_platoon.theory.exact import TOLERANCE
 from cacc_platoon.theory.noise_interval import effective_gains
@@ -40,6 +42,7 @@ __all__ = [
     "is_sampled_string_stable",
     "lags_to_try",
     "longest_period",
+    "lost_between",
     "margins_at",
     "propagation_polynomial",
     "require_held",
@@ -50,6 +53,9 @@ __all__ = [
 
 LAG_FRACTIONS = np.concatenate(([0.0], 2.0 ** np.arange(-10, -4), np.linspace(0.0, 1.0, 17)[1:]))
 """Of the largest lag: none, evenly, and halved down to 1/1024, for lags as short as a period."""
+
+
+_SERIES = [(-1.0) ** n / math.factorial(n + 3) for n in range(13)]  # of p3 in r
 
 
 class SampledHop(NamedTuple):
@@ -76,20 +82,20 @@ def hold_integrals(tau: Float, period: Float) -> tuple[Float, Float, Float]:
     results are ``r p_i/T``. Small ``r`` needs the series, ``r = inf`` is the plant without lag.
     """
     r = np.divide(period, tau, out=np.full(np.broadcast(period, tau).shape, np.inf), where=tau > 0)
-    small = np.where(r < 0.5, r, 0.0)
-    large = np.where(r < 0.5, 1.0, r)
-    scaled_1 = -np.expm1(-large)
-    scaled_2 = 1.0 - scaled_1 / large
-    scaled_3 = 0.5 - scaled_2 / large
-    results = []
-    for order, value in enumerate((scaled_1, scaled_2, scaled_3), start=1):
-        term = np.full_like(small, 1.0 / math.factorial(order))
-        series = term.copy()
-        for n in range(1, 13):
-            term = -term * small / (n + order)
-            series += term
-        results.append(np.where(r < 0.5, small * series, value) / period)
-    return results[0], results[1], results[2]
+    near = r < 0.5
+    small, large = np.where(near, r, 0.0), np.where(near, 1.0, r)
+    series = np.full_like(small, _SERIES[-1])
+    for coefficient in _SERIES[-2::-1]:
+        series = coefficient + small * series
+    third = small * series
+    second = small * (0.5 - third)
+    first = -np.expm1(-r)
+    held = 1.0 - first / large
+    return (
+        first / period,
+        np.where(near, second, held) / period,
+        np.where(near, third, 0.5 - held / large) / period,
+    )
 
 
 def require_held(held: ArrayLike) -> None:
@@ -144,10 +150,10 @@ def sampled_hop(
     """
     require_held(held)
     arguments = (time_headway, k_v, k_p, tau, k_effective, period, held)
-    h, v, p, lag, k, T, share = np.broadcast_arrays(
-        *(np.asarray(x, dtype=float) for x in arguments)
+    h, v, p, lag, k, T, share = (np.asarray(x, dtype=float) for x in arguments)
+    h, v, p, k, T, share, a1, a2, a3 = np.broadcast_arrays(
+        h, v, p, k, T, share, *hold_integrals(lag, T)
     )
-    a1, a2, a3 = hold_integrals(lag, T)
     half = a2 * T
     position = (a1, half * (2.0 - half) + a1 * a3 * T * T, a3 * T * T)
     feedback = [p * position[0], v * a1 + p * position[1], v * half + p * position[2]]
@@ -289,6 +295,24 @@ def margins_at(
     return margins.reshape(len(margins), -1)
 
 
+def lost_between(
+    gains: Gains,
+    ends: tuple[float, ...],
+    lags: Float,
+    period: float,
+    *,
+    held: float = 1.0,
+) -> Float:
+    """List lags [s] between those tried at which string stability is lost, the worst of each."""
+
+    def margins(between: Float) -> Float:
+        found = margins_at(gains, ends, between, np.array([period]), held=held)
+        return found.reshape(len(between), -1)
+
+    found, least = least_between(margins, lags, -TOLERANCE)
+    return found[least < -TOLERANCE]
+
+
 def lags_to_try(tau_max: float, k_effective: float | None) -> Float:
     """List the lags that stand for all up to `tau_max`; that one alone for a `k_effective`."""
     require_positive("tau_max", tau_max, "s")
@@ -311,6 +335,9 @@ def is_sampled_string_stable(
     k_effective: float | None = None,
 ) -> bool:
     """Certify the sampled loop at one period, for all of I and every lag up to `tau_max`.
+
+    The test of one lag is exact; which lag is the worst is found numerically, between lags that
+    are tried too.
 
     Parameters
     ----------
@@ -350,6 +377,8 @@ def is_sampled_string_stable(
     require_held(held)
     lags = lags_to_try(tau_max, k_effective)
     ends = effective_gains(gains.k_a, rho, reception=reception, k_effective=k_effective)
-    return max(map(abs, ends)) <= 1 and bool(
-        stable_at(gains, ends, lags, np.array([period]), held=held)[0]
+    return (
+        max(map(abs, ends)) <= 1
+        and bool(stable_at(gains, ends, lags, np.array([period]), held=held)[0])
+        and not lost_between(gains, ends, lags, period, held=held).size
     )

@@ -1,13 +1,13 @@
 """How slowly a loop may be sampled, and how many packets a receiver that holds may lose.
 
-Both are first losses of string stability in a numerical search
+Both are first losses of string stability in a numerical search over periods or losses, and lags
 (docs/theory.md, section 6 (Sampling) and section 11 (Extensions)).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,11 +18,14 @@ from cacc_platoon.theory.sampled import (
     is_sampled_string_stable,
     lags_to_try,
     longest_period,
+    lost_between,
     margins_at,
     require_held,
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
     from cacc_platoon.model.control import Gains
@@ -33,6 +36,7 @@ __all__ = ["critical_loss", "critical_period"]
 
 _LONGEST_DELAY = 1e9  # of packets that are held, in periods
 _PER_E_FOLD, _ROUNDS = 16.0, 4
+_MORE_LAGS = 8  # how often lags between those tried are added where they are lost first
 
 
 def critical_period(
@@ -79,11 +83,19 @@ def critical_period(
         return 0.0
     longest, shortest = min(longest_period(gains, tau_max), lost_at), 1e-9 * tau_max
 
-    def margins(periods: Float) -> Float:
+    def margins(periods: Float, lags: Float) -> Float:
         return margins_at(gains, ends, lags, periods, held=held)
 
-    within = (0.0, longest) if held == 1.0 else _enclosed(margins, shortest, longest)
-    return _first_lost(margins, shortest, *within)
+    tried = partial(margins, lags=lags)
+    within = (0.0, longest) if held == 1.0 else _enclosed(tried, shortest, longest)
+    found = _first_lost(tried, shortest, *within)
+    for _ in range(_MORE_LAGS):
+        worse = lost_between(gains, ends, lags, found, held=held) if found else lags[:0]
+        if not worse.size:
+            break
+        found = _first_lost(partial(margins, lags=worse), shortest, 0.0, found)
+        lags = np.union1d(lags, worse)
+    return found
 
 
 def critical_loss(
@@ -126,10 +138,17 @@ def critical_loss(
     at = np.array([period])
     most = lost_at / (1.0 - lost_at) if lost_at < 1.0 else _LONGEST_DELAY
 
-    def margins(delays: Float) -> Float:
+    def margins(delays: Float, lags: Float) -> Float:
         return margins_at(gains, ends, lags, at, held=1.0 / (1.0 + delays))
 
-    delay = _first_lost(margins, 1e-9, *_enclosed(margins, 1e-9, most))
+    tried = partial(margins, lags=lags)
+    delay = _first_lost(tried, 1e-9, *_enclosed(tried, 1e-9, most))
+    for _ in range(_MORE_LAGS):
+        worse = lost_between(gains, ends, lags, period, held=1.0 / (1.0 + delay))
+        if not worse.size:
+            break
+        delay = _first_lost(partial(margins, lags=worse), 1e-9, 0.0, delay)
+        lags = np.union1d(lags, worse)
     return lost_at if delay >= most else delay / (1.0 + delay)
 
 

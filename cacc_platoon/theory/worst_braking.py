@@ -182,5 +182,5 @@ def _largest_integral(step: float, kappa: Float, duration: float, rest: float) -
         more = duration - step * len(kappa)
         return np.asarray(step * kappa.sum(axis=0) + more * rest, dtype=np.float64)
     at = len(kappa) - 1 - int(whole)
-    kappa = np.partition(kappa, at, axis=0)
+    kappa = np.sort(kappa, axis=0, kind="stable")  # a few runs: faster than a partition
     return np.asarray(step * kappa[at + 1 :].sum(axis=0) + part * kappa[at], dtype=np.float64)

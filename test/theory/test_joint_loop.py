@@ -106,6 +106,37 @@ def test_margin_against_brute_force_on_the_unit_circle(draw, period, held):
     assert growth > 1
 
 
+def test_a_lag_between_those_tried_may_be_the_first_to_bear_no_longer():
+    """The lags of the grid bear 15.065 ms with an acceleration one period old."""
+    gains, rho, tau = Gains(0.478423163, 0.798048327, 0.226812306, 18.6106393), 6.6751164, 0.1950527
+    lags = np.linspace(0.004, 0.006, 100)
+    assert largest_growth(gains, rho, lags, 0.015035, age=1)[0] > 1 + 1e-4
+    found = joint_critical_period(gains, rho, tau)
+    assert 0.014 < found < 0.015
+    assert largest_growth(gains, rho, lags, 0.9999 * found, age=1)[0] <= 1 + 1e-9
+
+
+@pytest.mark.parametrize(
+    ("gains", "rho", "tau", "period", "lags"),
+    [
+        (
+            Gains(0.183694117, 0.896384994, 0.323543098, 55.8518556),
+            *(13.726676, 0.06334523, 0.005313363, (0.0011, 0.0018)),
+        ),
+        (
+            Gains(1.40827234, 0.930541396, 0.0343620201, 1.22469744),
+            *(32.7512556, 0.850203352, 0.0373465792, (0.008, 0.013)),
+        ),
+    ],
+)
+def test_the_worst_lag_is_in_a_valley_askew_to_lag_and_frequency(gains, rho, tau, period, lags):
+    age = 0.9999 * joint_latency_margin(gains, rho, tau, period) / period
+    between = np.linspace(*lags, 100)
+    assert age > 1
+    assert largest_growth(gains, rho, between, period, age=age)[0] <= 1 + 1e-9
+    assert largest_growth(gains, rho, between, period, age=1.001 * age)[0] > 1
+
+
 @pytest.mark.parametrize("gains", [A, C])
 def test_without_a_period_it_is_the_margin_of_continuous_time(gains):
     limit = latency_margin(gains, 5.0, 0.5)

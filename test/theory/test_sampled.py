@@ -10,6 +10,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from cacc_platoon.model import Gains, State, ThirdOrderPlant
+from cacc_platoon.simulation.brute_force import largest_growth
 from cacc_platoon.theory import (
     DesignError,
     critical_loss,
@@ -22,7 +23,8 @@ from cacc_platoon.theory import (
     minimum_headway,
     sampled_stability_map,
 )
-from cacc_platoon.theory.sampled import sampled_hop
+from cacc_platoon.theory.noise_interval import effective_gains
+from cacc_platoon.theory.sampled import lags_to_try, sampled_hop, stable_at
 
 A = Gains(0.95, 0.5, 0.63, 0.009)
 C = Gains(0.88, 0.318305009, 0.85, 0.003)
@@ -246,6 +248,30 @@ def test_a_lag_shorter_than_the_period_may_be_the_worst(gains, rho, period, tau)
     H, _ = hop_response(gains, tau, gains.k_a * (1 + 1 / rho), period, omega)
     assert H.max() > 1.005
     assert not is_sampled_string_stable(gains, rho, 0.5, period)
+
+
+BETWEEN = [
+    (Gains(0.5610381, 0.61560829, 0.15933707, 17.26166153), 1.7477295, 0.30792052, 0.005562727),
+    (Gains(0.42542622, 0.9229516, 0.22763366, 48.2538564), 20.8362498, 0.23305628, 0.002711887),
+    (Gains(0.47842316, 0.79804835, 0.22681231, 18.61063933), 6.6751164, 0.19505268, 0.016219612),
+]
+"""Designs with their SNR, largest lag, and the first period that all lags of the grid lose."""
+
+
+@pytest.mark.parametrize(("gains", "rho", "tau_max", "period"), BETWEEN)
+def test_a_lag_between_those_tried_may_be_the_worst(gains, rho, tau_max, period):
+    tried, ends = lags_to_try(tau_max, None), effective_gains(gains.k_a, rho)
+    below = 0.998 * period
+    assert stable_at(gains, ends, tried, np.array([below]), held=1.0)[0]
+    lags = np.linspace(tried[1], tried[7], 200)
+    assert largest_growth(gains, rho, lags, below)[0] > 1 + 1e-5
+    assert not is_sampled_string_stable(gains, rho, tau_max, below)
+    found = critical_period(gains, rho, tau_max)
+    assert 0.9 * below < found < below
+    assert largest_growth(gains, rho, lags, 0.9999 * found)[0] <= 1 + 1e-9
+    loss = critical_loss(gains, rho, tau_max, 0.9 * found)
+    held = {"held": 1 - 0.999 * loss}
+    assert largest_growth(gains, rho, lags, 0.9 * found, **held)[0] <= 1 + 1e-9
 
 
 @given(st.floats(0.5, 1.5), st.floats(0.2, 1.5), st.floats(-4, 0).map(math.exp), st.floats(0, 0.9))
