@@ -1,4 +1,4 @@
-"""The parameters of group v2v: when packets are sent, what becomes of them, and of what they say."""
+"""The parameters of group v2v: when packets are sent, what becomes of them, what they say."""
 
 from __future__ import annotations
 
