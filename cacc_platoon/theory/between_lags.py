@@ -52,10 +52,10 @@ def least_between(
 
     Examples
     --------
-    >>> dip = lambda lag: ((lag - 0.3) ** 2 - 1e-4)[:, np.newaxis]
+    >>> dip = lambda lag: ((lag - 0.29) ** 2 - 1e-4)[:, np.newaxis]
     >>> found, slack = least_between(dip, np.linspace(0.0, 1.0, 6), 0.0)
     >>> found.round(4).tolist(), slack.round(6).tolist()
-    ([0.3, 0.3], [-0.0001, -0.0001])
+    ([0.29], [-0.0001])
     """
     slack = slack_of(lags)
     padded = np.concatenate((slack[:1], slack, slack[-1:]))

@@ -1,4 +1,4 @@
-"""Where a slack that falls first turns negative."""
+"""Where a slack that falls first turns negative (docs/theory.md, section 7 (V2V latency))."""
 
 from __future__ import annotations
 
