@@ -42,8 +42,8 @@ def limit_use(run: Trajectory) -> list[LimitUse]:
     --------
     >>> from cacc_platoon.simulation import simulate
     >>> weak = {"vehicle.limits": "constant", "vehicle.max_jerk": 0.1, "run.duration": 30.0}
-    >>> limit_use(simulate(Scenario.from_values(weak)))[0].begin
-    10.03
+    >>> round(limit_use(simulate(Scenario.from_values(weak)))[0].begin, 2)
+    10.2
     """
     followers = run.scenario.followers
     limited = np.array([bool(one.limits()) and not one.law_name for one in followers])
