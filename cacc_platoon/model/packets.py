@@ -6,6 +6,7 @@ packets, keyed by seed, link and p, so that any slice of packets equals that sli
 
 from __future__ import annotations
 
+from itertools import repeat
 from typing import NamedTuple, Protocol, TypeAlias
 
 import numpy as np
@@ -118,15 +119,16 @@ class Packet(NamedTuple):
     content: int
     offset: float
     factor: float
-    lattice: Lattice = EVERY_VALUE
+    lattice: Lattice | None = None
 
     def value(self, acceleration: float) -> float:
         """Return what is received [m/s^2], of the acceleration that the packet carries."""
-        if self.offset:
-            acceleration = acceleration + self.offset
-        if self.lattice != EVERY_VALUE:
-            acceleration = float(self.lattice.nearest(np.asarray(acceleration)))
-        return self.factor * acceleration
+        _, _, offset, factor, lattice = self
+        if offset:
+            acceleration = acceleration + offset
+        if lattice:
+            acceleration = float(lattice.nearest(np.asarray(acceleration)))
+        return factor * acceleration
 
 
 class Delivery(NamedTuple):
@@ -179,7 +181,8 @@ class Delivery(NamedTuple):
         count = len(self.source)
         offset = [0.0] * count if self.offset is None else self.offset.tolist()
         columns = self.source.tolist(), self.carried.tolist(), offset, self.factor.tolist()
-        return [Packet(*row, self.lattice) for row in zip(*columns, strict=True)]
+        lattice = None if self.lattice == EVERY_VALUE else self.lattice
+        return list(map(Packet._make, zip(*columns, repeat(lattice), strict=False)))
 
 
 def said(acceleration: Floats, offset: Floats | None, lattice: Lattice) -> Floats:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from typing import Generic, NamedTuple, Protocol, TypeVar
+from typing import Generic, NamedTuple, Protocol, TypeAlias, TypeVar
 
 from cacc_platoon.model import Reception
 
@@ -101,22 +101,12 @@ class CountedDeliveries(Generic[Message]):
         return found
 
 
-class Used(NamedTuple):
-    """What is used of links at one sample.
+Used: TypeAlias = tuple[tuple[float, ...], float, int]
+"""What is used of links at one sample.
 
-    Attributes
-    ----------
-    accelerations : tuple of float
-        Of each link [m/s^2].
-    share : float
-        Of the control law in the command; the rest is that of a law without V2V.
-    state : int
-        `ReceptionState` of the nearest link.
-    """
-
-    accelerations: tuple[float, ...]
-    share: float = 1.0
-    state: int = 0
+Accelerations [m/s^2] of each link; the share of the control law in the command, the rest being that
+of a law without V2V; the `ReceptionState` of the nearest link.
+"""
 
 
 class Inbox(Protocol):
@@ -144,7 +134,7 @@ class PromptInbox(dict[int, Used]):
 
     def take(self, stamp: int, acceleration: float) -> None:
         """Accept a message, stamped with the sample it was sent at."""
-        self[stamp] = Used((acceleration,))
+        self[stamp] = ((acceleration,), 1.0, 0)
 
     def count(self, stamp: int, count: int) -> None:
         """Accept what such a channel need not say."""
@@ -198,7 +188,7 @@ class CountedInbox:
             reception = self._reception
             value = reception.use(packets)
             share, state = getattr(reception, "share", 1.0), getattr(reception, "state", 0)
-            self._ready[stamp] = Used((value,), share, state)
+            self._ready[stamp] = ((value,), share, state)
 
 
 class JointInbox:
@@ -213,6 +203,7 @@ class JointInbox:
 
     def pop(self, stamp: int) -> Used:
         """Return what to use of each link at a sample, and forget it."""
-        used = [inbox.pop(stamp) for inbox in self._inboxes]
-        values = tuple(value for one in used for value in one.accelerations)
-        return Used(values, min(one.share for one in used), used[0].state)
+        accelerations, shares, states = zip(
+            *(inbox.pop(stamp) for inbox in self._inboxes), strict=True
+        )
+        return tuple(value for one in accelerations for value in one), min(shares), states[0]

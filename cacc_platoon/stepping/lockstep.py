@@ -185,12 +185,12 @@ class LockstepFollower:
         assert state is not None
         stamp = self._stamp
         self._stamp = stamp + self._step_ns
-        received, share = used.accelerations, used.share
+        received, share, reception = used
         motion = state.position, state.velocity, position, velocity
         if self._sensor:
             motion = (*motion[:2], *self._sensor.ahead(motion[:2], motion[2:]))
         if self._publish_reception:
-            self._publish_reception(stamp, used.state, share)
+            self._publish_reception(stamp, reception, share)
         try:
             command = self._law.command(*motion, *received)
             if share < 1.0:
@@ -264,7 +264,7 @@ class LockstepRelay:
                 f"{name}: its channel may lose or delay packets and the scenario does not say so: "
                 "receiver and recorder would wait for every packet. Set v2v.loss or v2v.channel."
             )
-        self._step_ns = scenario.step_ns
+        self._step_ns, self._follows_motion = scenario.step_ns, follower.triggered
         sender = vehicle_name(follower.link.sender)
         self._inputs = [
             _Input(f"{vehicle_name(follower.index)}: {quantity} of {sender}", scenario.step_ns)
@@ -276,7 +276,11 @@ class LockstepRelay:
 
     def take(self, stamp: int, acceleration: float) -> None:
         """Accept the predecessor's acceleration [m/s^2] and deliver what is due."""
-        self._accept(0, stamp, acceleration)
+        if self._follows_motion:
+            self._accept(0, stamp, acceleration)
+        else:
+            self._inputs[0].expect(stamp)
+            self._deliver(acceleration)
 
     def take_position(self, stamp: int, position: float) -> None:
         """Accept the predecessor's position [m], where it sends as it moves."""
@@ -287,7 +291,8 @@ class LockstepRelay:
         self._accept(2, stamp, velocity)
 
     def _accept(self, number: int, stamp: int, value: float) -> None:
-        self._inputs[number].take(stamp, value)
+        self._inputs[number].expect(stamp)
+        self._inputs[number].waiting.append(value)
         while all(one.waiting for one in self._inputs):
             self._deliver(*(one.waiting.popleft() for one in self._inputs))
 
@@ -311,13 +316,8 @@ class _Input:
     """The values of one topic, in order."""
 
     def __init__(self, what: str, step_ns: int) -> None:
-        self._sequence = Sequence(what, step_ns)
+        self.expect = Sequence(what, step_ns).take
         self.waiting: deque[float] = deque()
-
-    def take(self, stamp: int, value: float) -> None:
-        """Accept the next value or raise LockstepError."""
-        self._sequence.take(stamp)
-        self.waiting.append(value)
 
 
 class LockstepLeader:

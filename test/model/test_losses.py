@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from cacc_platoon.model import Blackouts, BurstLoss, ComposedChannel, SendTimes
 from cacc_platoon.model.keyed_random import BLOCK
 
-N = 400_000
+N = 1_000_000
 PROBABILITIES = st.sampled_from([(0.3, 0.3), (0.001, 0.002), (0.9, 0.8), (0.5, 0.5), (1.0, 1.0)])
 
 
