@@ -91,18 +91,21 @@ def fallback_premises(scenario: Scenario, used: Sequence[FallbackUse]) -> Iterat
 
 def _proven(scenario: Scenario, followers: Sequence[int]) -> str:
     """Say what is known of vehicles without V2V, and of the blend to it."""
-    alone = blend = True
-    for index in followers:
-        follower = scenario.follower(index)
-        law = follower.fallback_law()
-        assert law is not None
-        found = certify(law.gains, follower.v2v.rho, follower.tau_max, period=scenario.run.step)
+    several = [scenario.follower(index) for index in followers]
+    alone, blend = True, not any(one.law_name for one in several)
+    pairs = {
+        (one.gains, law.gains, one.v2v.rho, one.tau_max)
+        for one in several
+        if (law := one.fallback_law())
+    }
+    for gains, without, rho, tau_max in pairs:
+        found = certify(without, rho, tau_max, period=scenario.run.step)
         alone &= found.string_stable and found.sampled_string_stable
-        blend &= blend_is_stable(follower.gains, law.gains, follower.tau_max)
+        blend &= blend_is_stable(gains, without, tau_max)
     stable = "is" if alone else "is NOT"
     whole = (
         "no blend of the two, however it changes, can destabilise a vehicle (one Lyapunov function "
-        "serves both at every lag, in continuous time)"
+        "serves both at every lag, of a linear vehicle that measures at once, in continuous time)"
         if blend
         else "nothing is proven of a vehicle that goes from one to the other and back"
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from itertools import chain
 
 from cacc_platoon.errors import UserError
@@ -33,11 +34,7 @@ def try_channel(receiver: Follower, samples: int) -> None:
 def try_reception(receiver: Follower) -> None:
     """Make the reception of a link, and have it use a packet and none."""
     reception = receiver.reception()
-    try:
-        used = [reception.use([(0, 1.0)]), reception.use([])]
-        wrong = "" if all(map(math.isfinite, used)) else f"returned {used}"
-    except (Exception, SystemExit) as error:  # a custom reception may fail in any way
-        wrong = f"raised {type(error).__name__}: {' '.join(str(error).split())}"
+    wrong = _wrong(lambda: [reception.use([(0, 1.0)]), reception.use([])])
     if wrong:
         raise ScenarioError(
             f"v2v.receiver = {receiver.v2v.receiver}: the reception of "
@@ -60,16 +57,23 @@ def try_law(follower: Follower, speed: float, links: int) -> None:
     """
     law = follower.law()
     spacing = follower.standstill_distance + follower.gains.time_headway * speed
-    try:
-        command = law.command(-spacing, speed, 0.0, speed, *[0.0] * links)
-        wrong = "" if math.isfinite(command) else f"returned {command}"
-    except UserError:
-        raise
-    except (Exception, SystemExit) as error:  # a custom law may fail in any way
-        wrong = f"raised {type(error).__name__}: {' '.join(str(error).split())}"
+    wrong = _wrong(lambda: [law.command(-spacing, speed, 0.0, speed, *[0.0] * links)])
     if wrong:
         raise ScenarioError(
             f"controller.law = {follower.law_name}: the law of {vehicle_name(follower.index)} "
             f"{wrong} in equilibrium at {speed:g} m/s with {links} received accelerations; the run "
             "would end there. Let command return a finite number [m/s^2]."
         )
+
+
+def _wrong(ask: Callable[[], list[float]]) -> str:
+    """Say what is wrong with what custom code returns, empty when nothing is."""
+    try:
+        for value in ask():
+            if not math.isfinite(value):
+                return f"returned {value}"
+    except UserError:
+        raise
+    except (Exception, SystemExit) as error:  # custom code may fail in any way
+        return f"raised {type(error).__name__}: {' '.join(str(error).split())}"
+    return ""

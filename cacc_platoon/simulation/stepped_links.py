@@ -28,7 +28,8 @@ class _Process:
             self._packets = link.packets()
         except ChannelError as error:
             raise _named(error, link.follower) from error
-        self._follower, self._prompt = link.follower, self._packets.prompt
+        self._follower = link.follower
+        self._at_once = self._packets.prompt and not link.follower.v2v.receiver
         self._reception = link.follower.reception()
         self.share = 1.0
         self.arrived: list[tuple[int, int, float]] = []
@@ -43,7 +44,7 @@ class _Process:
             (packet.source, packet.value(float(motion[2, packet.content]))) for packet in packets
         ]
         self.arrived += [(source, sample, value) for source, value in delivered]
-        if self._prompt:
+        if self._at_once:
             return delivered[0][1]
         used = self._reception.use(delivered)
         self.share = getattr(self._reception, "share", 1.0)

@@ -1,6 +1,7 @@
 """Runs whose packets follow motion, and runs that fall back: nodes, arrays, collisions."""
 
 from collections import deque
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -93,6 +94,16 @@ def test_nodes_and_arrays_agree_to_the_last_bit(name):
     run = simulate(one)
     np.testing.assert_array_equal(of_nodes(one), np.stack(run.motion))
     assert (run.share is None) == (RUNS[name].get("v2v.reception") != "fallback")
+
+
+@pytest.mark.parametrize("channel", [{}, CAM, {"v2v.loss": 0.3}])
+def test_a_reception_of_ones_own_is_asked_whether_packets_are_prompt_or_not(channel, monkeypatch):
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[1] / "system"))
+    one = scenario(channel, {"v2v.receiver": "own_parts:Halving", "run.duration": 20.0})
+    run = simulate(one)
+    np.testing.assert_array_equal(of_nodes(one), np.stack(run.motion))
+    usual = simulate(scenario(channel, {"run.duration": 20.0}))
+    assert np.abs(run.acceleration[:, 1]).max() < np.abs(usual.acceleration[:, 1]).max()
 
 
 def test_a_platoon_may_mix_links():

@@ -70,6 +70,13 @@ class Forgetting:
         return self._value
 
 
+class Halving(Forgetting):
+    """Uses half of the newest packet, whether every packet comes or not."""
+
+    def use(self, delivered: Iterable[tuple[int, float]]) -> float:
+        return 0.5 * super().use(delivered)
+
+
 def tried_alone(follower: Follower) -> Cautious:
     """Make a law where it is tried before a run, and fail in the processes of the run."""
     if multiprocessing.parent_process():
