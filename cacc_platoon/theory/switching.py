@@ -11,9 +11,10 @@ Shorten and K. S. Narendra, IEEE Trans. Automatic Control 48 (2003) 618-621). Wi
 
     P(y, tau) = (k_p,1 - y)(k_p,2 - y) + y (c_1 - tau y)(c_2 - tau y) > 0
 
-with ``c_i = k_v,i + k_p,i h_i``, whose least value over the lags is at ``tau_0`` or where
-``tau y = (c_1 + c_2)/2``: two polynomials of y decide for all lags
-(docs/theory.md, section 11 (Extensions)).
+with ``c_i = k_v,i + k_p,i h_i``. Where ``y <= (c_1 + c_2)/(2 tau_0)`` its least value over the lags
+is at ``tau_0``; beyond, it is ``(k_p,1 - y)(k_p,2 - y) - y (c_1 - c_2)^2/4``, which is convex and
+rises from there on if it is positive there, since ``c_i > tau_0 k_p,i``. So one polynomial of y
+on one interval decides for all lags (docs/theory.md, section 11 (Extensions)).
 """
 
 from __future__ import annotations
@@ -67,15 +68,13 @@ def blend_is_stable(first: Gains, second: Gains, tau_max: float) -> bool:
     if not all(p > 0 and c > tau_max * p for c, p in ((c_1, p_1), (c_2, p_2))):
         return False
     y = np.polynomial.Polynomial([0.0, 1.0])
-    turn = (c_1 + c_2) / (2.0 * tau_max)  # beyond it the worst lag is shorter than tau_0
-    of_tau_max = (p_1 - y) * (p_2 - y) + y * (c_1 - tau_max * y) * (c_2 - tau_max * y)
-    of_shorter = (p_1 - y) * (p_2 - y) - y * (c_1 - c_2) ** 2 / 4.0
-    return _positive(of_tau_max, 0.0, turn) and _positive(of_shorter, turn, np.inf)
+    turn = (c_1 + c_2) / (2.0 * tau_max)
+    return _positive((p_1 - y) * (p_2 - y) + y * (c_1 - tau_max * y) * (c_2 - tau_max * y), turn)
 
 
-def _positive(polynomial: np.polynomial.Polynomial, low: float, high: float) -> bool:
-    """Return whether a polynomial that ends upwards is positive on an interval."""
+def _positive(polynomial: np.polynomial.Polynomial, high: float) -> bool:
+    """Return whether a polynomial is positive from 0 to `high`."""
     turns = polynomial.deriv().roots()
     real = turns[np.abs(turns.imag) <= 1e-9 * (1.0 + np.abs(turns))].real
-    places = [low, *real[(real > low) & (real < high)], *([high] if np.isfinite(high) else [])]
-    return bool(np.min(polynomial(np.array(places))) > 0.0)
+    places = np.array([0.0, *real[(real > 0.0) & (real < high)], high])
+    return bool(np.min(polynomial(places)) > 0.0)

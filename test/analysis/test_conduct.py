@@ -1,5 +1,7 @@
 """What a verdict says of fallbacks, limits, sensors and packets that say something else."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -70,6 +72,15 @@ def test_after_blackout_and_fallback_it_holds_again():
     assert verdict.holds_from == used[0].end
     assert "when that is over" in verdict.afterwards
     assert judged({**silent, "v2v.false_data": ("1 2 frozen",)}).holds_from is None
+
+
+def test_a_law_of_ones_own_is_not_said_to_blend_well(monkeypatch):
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[1] / "system"))
+    silent = {"v2v.reception": "fallback", "v2v.blackouts": (12.0, 15.0)}
+    for law, proven in (("", True), ("own_parts:Cautious", False)):
+        words = " ".join(judged({**silent, "controller.law": law}).void)
+        assert ("can destabilise a vehicle" in words) is proven
+        assert ("nothing is proven of a vehicle that goes from one" in words) is not proven
 
 
 def test_states_follow_the_share():
