@@ -290,7 +290,7 @@ CHANGED = {
     "controller.k_a": 0.46875,
     "controller.k_v": 0.65625,
     "controller.k_p": 0.015625,
-    "controller.law": "own_parts:law",
+    "controller.law": "changed_parts:law",
     "v2v.rho": 8.0,
     "v2v.noise": "expected",
     "v2v.bit_probabilities": (0.125, 0.8125),
@@ -319,8 +319,8 @@ CHANGED = {
     "v2v.blackouts": (1.0, 2.0),
     "v2v.loss": 0.25,
     "v2v.reception": "zero",
-    "v2v.channel": "own_parts:channel",
-    "v2v.receiver": "own_parts:HalfTrusting",
+    "v2v.channel": "changed_parts:channel",
+    "v2v.receiver": "changed_parts:HalfTrusting",
     "leader.profile": "csv",
     "leader.start": 0.75,
     "leader.amplitude": 0.875,
@@ -382,7 +382,7 @@ def channel(follower):
 
 def test_every_parameter_can_be_shown(tmp_path, monkeypatch):
     """Through the command and back from the bag, whatever type a value has."""
-    (tmp_path / "own_parts.py").write_text(OWN_PARTS)
+    (tmp_path / "changed_parts.py").write_text(OWN_PARTS)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", [*sys.path])
     output = tmp_path / "run"
