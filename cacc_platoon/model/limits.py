@@ -7,7 +7,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from cacc_platoon.model.vehicle import State, Value
+from cacc_platoon.model.vehicle import State, ThirdOrderPlant, Value
 
 Numbers: TypeAlias = float | npt.NDArray[np.float64]
 
@@ -102,3 +102,33 @@ def standing(before: State[Value], after: State[Value]) -> State[Value]:
     if not backwards:
         return after
     return State(max(before.position, after.position), 0.0, 0.0)
+
+
+class Body:
+    """A plant that does not all that is commanded, from its first sample on.
+
+    Parameters
+    ----------
+    plant : ThirdOrderPlant
+        The plant.
+    limits : Limits or None
+        What its actuator can do; None for anything.
+    stops : bool
+        Whether it stands where it would drive backwards.
+    """
+
+    def __init__(self, plant: ThirdOrderPlant, limits: Limits | None, stops: bool) -> None:
+        self._plant, self._limits, self._stops = plant, limits, stops
+        self._carried_out = 0.0
+
+    def command(self, command: float, velocity: float) -> float:
+        """Return the command [m/s^2] that is carried out at the next sample, at this speed."""
+        if self._limits:
+            command = self._limits.command(command, self._carried_out, velocity, self._plant.step)
+            self._carried_out = command
+        return command
+
+    def advance(self, state: State[float], command: float) -> State[float]:
+        """Return the state one sample later."""
+        after = self._plant.advance(state, command)
+        return standing(state, after) if self._stops else after

@@ -17,11 +17,10 @@ from cacc_platoon.model import (
     LeaderProfile,
     Sensor,
     State,
-    ThirdOrderPlant,
     TriggeredChannel,
 )
 from cacc_platoon.model.channel import ChannelError
-from cacc_platoon.model.limits import standing
+from cacc_platoon.model.limits import Body
 from cacc_platoon.scenario import Follower, Scenario, ScenarioError
 from cacc_platoon.scenario.names import NodeKind, NodeName, vehicle_name
 from cacc_platoon.scenario.receiver import packet_source
@@ -45,6 +44,9 @@ PublishReception = Callable[[int, int, float], None]
 PublishAcceleration = Callable[[int, float], None]
 PublishCount = Callable[[int, int], None]
 Tell = Callable[[RunEvent], None]
+_Motion = tuple[float, float, float, float]
+_NEVER = 2**62
+"""A stamp at which nothing is due."""
 
 
 class Sequence:
@@ -101,31 +103,33 @@ class LockstepFollower:
     ) -> None:
         self._step_ns = scenario.step_ns
         self._end = (scenario.samples - 1) * self._step_ns
-        self._plant: ThirdOrderPlant = follower.plant(scenario.run.step)
+        plant, limits = follower.plant(scenario.run.step), follower.limits()
+        limited = limits is not None or follower.stops
+        self._body = Body(plant, limits, follower.stops) if limited else None
+        self._advance_plant = self._body.advance if self._body else plant.advance
         self._spacing_policy = follower.spacing_policy()
         self._law: ControlLaw = law or follower.law()
         self._fallback = follower.fallback_law()
-        self._follower, self._samples = follower, scenario.samples
-        self._move_headway()
+        self._follower = follower
         sensing = follower.sensing()
         self._sensor = None if sensing.perfect else Sensor(sensing)
-        self._limits, self._stops = follower.limits(), follower.stops
-        self._carried_out = 0.0
-        self._speed = scenario.platoon.initial_speed
-        self._equilibrium_spacing = follower.standstill_distance + (
-            follower.gains.time_headway * self._speed
-        )
+        self._move_headway()
+        speed = scenario.platoon.initial_speed
+        spacing = follower.standstill_distance + follower.gains.time_headway * speed
+
+        def begin(ahead: float) -> State[float]:
+            return initial or State(ahead - spacing, speed, 0.0)
+
+        self._begin = begin
         self._publish_state, self._publish_command = publish_state, publish_command
         self._publish_reception = publish_reception
         ahead = scenario.lengths[scenario.indices.index(follower.index)]
         self._length_ahead = ahead if scenario.run.stop_on_collision else -math.inf
         self._tell = tell or (lambda event: None)
-        self._initial = initial
         self._state: State[float] | None = None
         self._stamp = 0
         predecessor = vehicle_name(follower.index - 1)
         self._name = vehicle_name(follower.index)
-        self._node = str(NodeName(NodeKind.VEHICLE, follower.index))
         self._position_sequence = Sequence(f"{self._name}: pose of {predecessor}", self._step_ns)
         self._velocity_sequence = Sequence(f"{self._name}: twist of {predecessor}", self._step_ns)
         self._positions: deque[float] = deque()
@@ -149,8 +153,7 @@ class LockstepFollower:
         """Accept the predecessor's position [m]; the first one places this vehicle behind it."""
         self._position_sequence.take(stamp)
         if self._state is None:
-            equilibrium = State(position - self._equilibrium_spacing, self._speed, 0.0)
-            self._state = self._initial or equilibrium
+            self._state = self._begin(position)
             self._publish_state(0, self._state)
         self._positions.append(position)
         self._advance()
@@ -198,17 +201,13 @@ class LockstepFollower:
         self._move_headway()
 
     def _move_headway(self) -> None:
-        headways = self._follower.headways(self._samples)
+        headways = self._follower.headways(self._end // self._step_ns + 1)
         self._headways = None if headways is None else headways.tolist()
+        self._prepares = bool(self._headways or self._sensor)
 
     def _advance(self) -> None:
         inbox = self._inbox
-        while (
-            self._positions
-            and self._velocities
-            and self._stamp in inbox
-            and self._stamp <= self._end
-        ):
+        while self._positions and self._velocities and self._stamp in inbox:
             used = inbox.pop(self._stamp)
             self._step(self._positions.popleft(), self._velocities.popleft(), used)
 
@@ -217,35 +216,10 @@ class LockstepFollower:
         assert state is not None
         stamp = self._stamp
         self._stamp = stamp + self._step_ns
-        if self._headways:
-            headway = self._headways[stamp // self._step_ns]
-            self._law = self._spacing_policy = self._spacing_policy.with_headway(headway)
-        command = self._wanted(stamp, state, (position, velocity), used)
-        if self._limits:
-            command = self._limits.command(
-                command, self._carried_out, state.velocity, self._plant.step
-            )
-            self._carried_out = command
-        if self._publish_command:
-            delta = self._spacing_policy.spacing_error(state.position, state.velocity, position)
-            gap_error = state.position - position + self._spacing_policy.standstill_distance
-            self._publish_command(stamp, command, delta, gap_error)
-        if position - state.position <= self._length_ahead:
-            self._end = stamp
-            self._tell(RunEvent(EventKind.COLLISION, stamp // self._step_ns, self._node))
-        if stamp < self._end:
-            after = self._plant.advance(state, command)
-            self._state = standing(state, after) if self._stops else after
-            self._publish_state(self._stamp, self._state)
-
-    def _wanted(
-        self, stamp: int, state: State[float], ahead: tuple[float, float], used: Used
-    ) -> float:
-        """Return the command of the laws, before any limit."""
         received, share, reception = used
-        motion = state.position, state.velocity, *ahead
-        if self._sensor:
-            motion = (*motion[:2], *self._sensor.ahead(motion[:2], ahead))
+        motion = state.position, state.velocity, position, velocity
+        if self._prepares:
+            motion = self._prepare(stamp, motion)
         if self._publish_reception:
             self._publish_reception(stamp, reception, share)
         try:
@@ -263,10 +237,31 @@ class LockstepFollower:
         if not finite:
             raise LockstepError(
                 f"{self._name}: command at {seconds(stamp)} is {command}: own state {(*state,)}, "
-                f"predecessor's position {ahead[0]} m and velocity {ahead[1]} m/s, "
+                f"predecessor's position {position} m and velocity {velocity} m/s, "
                 f"received acceleration {', '.join(map(str, received))} m/s^2"
             )
-        return command
+        if self._body:
+            command = self._body.command(command, state.velocity)
+        if self._publish_command:
+            delta = self._spacing_policy.spacing_error(state.position, state.velocity, position)
+            gap_error = state.position - position + self._spacing_policy.standstill_distance
+            self._publish_command(stamp, command, delta, gap_error)
+        if position - state.position <= self._length_ahead:
+            node = str(NodeName(NodeKind.VEHICLE, self._follower.index))
+            self._tell(RunEvent(EventKind.COLLISION, stamp // self._step_ns, node))
+            self._stamp = _NEVER
+        elif stamp < self._end:
+            self._state = self._advance_plant(state, command)
+            self._publish_state(self._stamp, self._state)
+
+    def _prepare(self, stamp: int, motion: _Motion) -> _Motion:
+        """Move the time headway, and return the motion as it is measured."""
+        if self._headways:
+            headway = self._headways[stamp // self._step_ns]
+            self._law = self._spacing_policy = self._spacing_policy.with_headway(headway)
+        if self._sensor:
+            return (*motion[:2], *self._sensor.ahead(motion[:2], motion[2:]))
+        return motion
 
 
 class LockstepRelay:
