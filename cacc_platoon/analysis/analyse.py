@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from cacc_platoon.analysis.age_margin import AgeMargin, age_margins
 from cacc_platoon.analysis.braking import WorstBraking, worst_braking
 from cacc_platoon.analysis.consistency import Consistency, check_consistency
 from cacc_platoon.analysis.metrics import Metrics, compute_metrics
@@ -81,6 +82,11 @@ class Report:
     def worst_braking(self) -> WorstBraking | None:
         """The least gap over all brakings of the leader, where theory knows it."""
         return worst_braking(self.run.trajectory.scenario, self.verdict)
+
+    @cached_property
+    def age_margins(self) -> list[AgeMargin]:
+        """The age of information over every link beside the latency that its design bears."""
+        return age_margins(self.run.trajectory, self.verdict.followers)
 
     @cached_property
     def agreement(self) -> Agreement | None:
