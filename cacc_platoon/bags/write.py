@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import lru_cache
 from pathlib import Path
-from typing import ClassVar
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -113,7 +113,10 @@ def _publish_at_stamps(chunk: memoryview, starts: npt.NDArray[np.int64]) -> None
 
 
 class _Writer(Writer):
-    STORAGE_PLUGINS: ClassVar = {**Writer.STORAGE_PLUGINS, StoragePlugin.MCAP: _Storage}
+    STORAGE_PLUGINS: Mapping[StoragePlugin, type[Any]] = {
+        **Writer.STORAGE_PLUGINS,
+        StoragePlugin.MCAP: _Storage,
+    }
 
 
 def _write_samples(
