@@ -51,7 +51,7 @@ def row(motion: str, reception: str) -> Row:
     runs = [simulate(scenario(motion, reception, seed)) for seed in SEEDS]
     gaps = np.min([run.gap.min(axis=0) for run in runs], axis=0)
     error = max(float(np.max(np.abs(run.spacing_error))) for run in runs)
-    return Row(motion, reception, float(gaps.min()), int(gaps.argmin()) + 1, error)
+    return Row(motion, reception, float(np.min(gaps)), int(np.argmin(gaps)) + 1, error)
 
 
 def rows() -> list[Row]:

@@ -49,7 +49,7 @@ RUNS: dict[str, dict[str, Any]] = {
 }
 
 
-def scenario(*parts, own=None):
+def scenario(*parts: dict[str, Any], own: Any = None) -> Scenario:
     return Scenario.from_values({k: v for part in (SHORT, *parts) for k, v in part.items()}, own)
 
 
@@ -152,7 +152,7 @@ def test_ten_seconds_without_v2v_in_a_full_brake(reception, begin):
 def test_bursts_latency_and_ten_dark_seconds_on_one_link(motion):
     """More seeds, and hold and zero beside it: examples/standard_messages/one_link.py."""
     dark = {"v2v.blackouts": (10.0, 20.0)}
-    values = {**GILBERT, "vehicle.length": 4.5, "platoon.followers": 6}
+    values: dict[str, Any] = {**GILBERT, "vehicle.length": 4.5, "platoon.followers": 6}
     if motion == "brake":
         values |= {key: value for key, value in BRAKE.items() if key.startswith("leader")}
     values |= {"platoon.standstill_distance": 7.0, "v2v.reception": "fallback"}
@@ -169,7 +169,7 @@ def silent_runs(count):
     for _ in range(count):
         ends = rng.choice(np.arange(100, 1200), 2 * int(rng.integers(1, 4)), replace=False)
         after, blend, back = (rng.integers(1, 100, 3) / 100.0).tolist()
-        values = {
+        values: dict[str, Any] = {
             "v2v.reception": "fallback",
             "v2v.blackouts": (np.sort(ends) / 100.0).tolist(),
             "v2v.fallback_after": after,
