@@ -153,9 +153,9 @@ def packets_over_time(run: Trajectory) -> PacketsOverTime:
     --------
     >>> from cacc_platoon.scenario import Scenario
     >>> from cacc_platoon.simulation import simulate
-    >>> lossy = {"v2v.period": 0.1, "v2v.loss": 1.0, "run.duration": 11.0}
+    >>> lossy = {"v2v.period": 0.1, "v2v.loss": 1.0, "run.duration": 20.0}
     >>> found = packets_over_time(simulate(Scenario.from_values(lossy)))
-    >>> found.sent[0].tolist() == found.lost[0].tolist() == [5] * 21 + [6]
+    >>> found.sent[0].tolist() == found.lost[0].tolist() == [10] * 19 + [11]
     True
     """
     step, duration = run.scenario.run.step, run.scenario.run.duration
@@ -165,7 +165,7 @@ def packets_over_time(run: Trajectory) -> PacketsOverTime:
     shape = len(run.scenario.receivers), bins
     sent, lost, delay = np.zeros(shape, np.int64), np.zeros(shape, np.int64), np.zeros(shape)
     for row, packets in enumerate(link_packets(run)):
-        at = np.minimum((packets.source * step / duration * bins).astype(np.int64), bins - 1)
+        at = np.minimum(packets.source * bins // max(run.scenario.samples - 1, 1), bins - 1)
         sent[row] = np.bincount(at, minlength=bins)
         lost[row] = np.bincount(at[packets.lost], minlength=bins)
         took = np.where(packets.lost, 0, packets.sample - packets.source) * step
