@@ -6,6 +6,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from cacc_platoon.analysis.link_packets import Bursts, LinkPackets, arrived_over, link_packets
 from cacc_platoon.scenario import Follower
@@ -104,12 +105,20 @@ def information_age(arrivals: Arrivals, samples: int) -> Array:
     return np.where(newest >= 0, np.arange(samples) - newest, np.nan)
 
 
+def _mean_loss(receiver: Follower, sent: npt.NDArray[np.int64]) -> float:
+    """Return the probability of a loss, the mean of the packets that are sent at these samples."""
+    starts, stages = zip(*receiver.stages, strict=True)
+    ends = [*np.searchsorted(sent, starts), len(sent)]
+    packets = np.diff(ends) if len(sent) else np.ones(len(stages))
+    return float(np.average([stage.mean_loss for stage in stages], weights=packets))
+
+
 def _link(receiver: Follower, packets: LinkPackets, age: Array) -> LinkReception:
     light = ~packets.dark
     sent, arrived = int(light.sum()), int((light & ~packets.lost).sum())
     age = age[np.isfinite(age)]
     median, p99, largest = np.quantile(age, (0.5, 0.99, 1.0)) if age.size else [math.nan] * 3
-    p = receiver.mean_loss
+    p = _mean_loss(receiver, packets.source[light])
     return LinkReception(
         packets.sender,
         packets.follower,

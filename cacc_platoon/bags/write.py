@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -34,6 +34,16 @@ _PUBLISH_TIME, _MESSAGE = 23, 31  # bytes from the start of an MCAP message reco
 _STAMPED = 12  # bytes of a message up to the end of its stamp
 
 
+class Events(NamedTuple):
+    """What happened in a run: the latched topic that says so, sample and text of each event."""
+
+    topic: str
+    texts: Sequence[tuple[int, str]]
+
+
+NO_EVENTS = Events("", ())
+
+
 def write_bag(
     folder: Path,
     recording: Recording,
@@ -43,6 +53,7 @@ def write_bag(
     scenario_topic: str,
     scenario_text: str,
     custom_data: dict[str, str],
+    events: Events = NO_EVENTS,
     progress: Callable[[int, int], None] | None = None,
 ) -> None:
     """Write a new bag, its messages in the order of (delivery stamp, topic).
@@ -65,6 +76,8 @@ def write_bag(
         The latched topic that carries the scenario, and the scenario file's text.
     custom_data : dict of str to str
         Goes into the bag's metadata beside the scenario.
+    events : Events, optional
+        What happened.
     progress : callable, optional
         Called periodically with the sample reached and the number of samples.
     """
@@ -76,6 +89,10 @@ def write_bag(
     try:
         latched = _add(writer, scenario_topic, STRING_TYPE, QosDurability.TRANSIENT_LOCAL, 1)
         writer.write(latched, 0, encode_string(scenario_text))
+        if events.texts:
+            told = _add(writer, events.topic, STRING_TYPE, QosDurability.TRANSIENT_LOCAL, 1)
+            for sample, text in events.texts:
+                writer.write(told, sample * step_ns, encode_string(text))
         connections = [
             _add(writer, name, record.type_name, QosDurability.VOLATILE, depth)
             for name, record in sorted(recording.items())

@@ -18,12 +18,15 @@ from cacc_platoon.model import (
     Sensor,
     State,
     ThirdOrderPlant,
+    TriggeredChannel,
 )
 from cacc_platoon.model.channel import ChannelError
 from cacc_platoon.model.limits import standing
 from cacc_platoon.scenario import Follower, Scenario, ScenarioError
-from cacc_platoon.scenario.follower import packet_source
 from cacc_platoon.scenario.names import NodeKind, NodeName, vehicle_name
+from cacc_platoon.scenario.receiver import packet_source
+from cacc_platoon.scenario.run_event import EventKind, RunEvent
+from cacc_platoon.scenario.timeline import Change
 from cacc_platoon.stepping.deliveries import (
     CountedInbox,
     Inbox,
@@ -41,6 +44,7 @@ PublishCommand = Callable[[int, float, float, float], None]
 PublishReception = Callable[[int, int, float], None]
 PublishAcceleration = Callable[[int, float], None]
 PublishCount = Callable[[int, int], None]
+Tell = Callable[[RunEvent], None]
 
 
 class Sequence:
@@ -77,6 +81,8 @@ class LockstepFollower:
         Replaces the constant time headway law.
     publish_reception : callable, optional
         Called with stamp [ns], state of the reception and share of the law for every step.
+    tell : callable, optional
+        Called with what happens to it.
     initial : State, optional
         State at sample 0; by default in equilibrium behind the predecessor.
     """
@@ -90,6 +96,7 @@ class LockstepFollower:
         law: ControlLaw | None = None,
         *,
         publish_reception: PublishReception | None = None,
+        tell: Tell | None = None,
         initial: State[float] | None = None,
     ) -> None:
         self._step_ns = scenario.step_ns
@@ -98,6 +105,8 @@ class LockstepFollower:
         self._spacing_policy = follower.spacing_policy()
         self._law: ControlLaw = law or follower.law()
         self._fallback = follower.fallback_law()
+        self._follower, self._samples = follower, scenario.samples
+        self._move_headway()
         sensing = follower.sensing()
         self._sensor = None if sensing.perfect else Sensor(sensing)
         self._limits, self._stops = follower.limits(), follower.stops
@@ -108,11 +117,15 @@ class LockstepFollower:
         )
         self._publish_state, self._publish_command = publish_state, publish_command
         self._publish_reception = publish_reception
+        ahead = scenario.lengths[scenario.indices.index(follower.index)]
+        self._length_ahead = ahead if scenario.run.stop_on_collision else -math.inf
+        self._tell = tell or (lambda event: None)
         self._initial = initial
         self._state: State[float] | None = None
         self._stamp = 0
         predecessor = vehicle_name(follower.index - 1)
         self._name = vehicle_name(follower.index)
+        self._node = str(NodeName(NodeKind.VEHICLE, follower.index))
         self._position_sequence = Sequence(f"{self._name}: pose of {predecessor}", self._step_ns)
         self._velocity_sequence = Sequence(f"{self._name}: twist of {predecessor}", self._step_ns)
         self._positions: deque[float] = deque()
@@ -174,9 +187,28 @@ class LockstepFollower:
         self._inboxes[link].count(stamp, int(count))
         self._advance()
 
+    @property
+    def next_sample(self) -> int:
+        """The sample from which on a change can take effect."""
+        return self._stamp // self._step_ns
+
+    def change(self, change: Change) -> None:
+        """Take a change that is not planned."""
+        self._follower = self._follower.changed(change)
+        self._move_headway()
+
+    def _move_headway(self) -> None:
+        headways = self._follower.headways(self._samples)
+        self._headways = None if headways is None else headways.tolist()
+
     def _advance(self) -> None:
         inbox = self._inbox
-        while self._positions and self._velocities and self._stamp in inbox:
+        while (
+            self._positions
+            and self._velocities
+            and self._stamp in inbox
+            and self._stamp <= self._end
+        ):
             used = inbox.pop(self._stamp)
             self._step(self._positions.popleft(), self._velocities.popleft(), used)
 
@@ -185,10 +217,35 @@ class LockstepFollower:
         assert state is not None
         stamp = self._stamp
         self._stamp = stamp + self._step_ns
+        if self._headways:
+            headway = self._headways[stamp // self._step_ns]
+            self._law = self._spacing_policy = self._spacing_policy.with_headway(headway)
+        command = self._wanted(stamp, state, (position, velocity), used)
+        if self._limits:
+            command = self._limits.command(
+                command, self._carried_out, state.velocity, self._plant.step
+            )
+            self._carried_out = command
+        if self._publish_command:
+            delta = self._spacing_policy.spacing_error(state.position, state.velocity, position)
+            gap_error = state.position - position + self._spacing_policy.standstill_distance
+            self._publish_command(stamp, command, delta, gap_error)
+        if position - state.position <= self._length_ahead:
+            self._end = stamp
+            self._tell(RunEvent(EventKind.COLLISION, stamp // self._step_ns, self._node))
+        if stamp < self._end:
+            after = self._plant.advance(state, command)
+            self._state = standing(state, after) if self._stops else after
+            self._publish_state(self._stamp, self._state)
+
+    def _wanted(
+        self, stamp: int, state: State[float], ahead: tuple[float, float], used: Used
+    ) -> float:
+        """Return the command of the laws, before any limit."""
         received, share, reception = used
-        motion = state.position, state.velocity, position, velocity
+        motion = state.position, state.velocity, *ahead
         if self._sensor:
-            motion = (*motion[:2], *self._sensor.ahead(motion[:2], motion[2:]))
+            motion = (*motion[:2], *self._sensor.ahead(motion[:2], ahead))
         if self._publish_reception:
             self._publish_reception(stamp, reception, share)
         try:
@@ -206,22 +263,10 @@ class LockstepFollower:
         if not finite:
             raise LockstepError(
                 f"{self._name}: command at {seconds(stamp)} is {command}: own state {(*state,)}, "
-                f"predecessor's position {position} m and velocity {velocity} m/s, "
+                f"predecessor's position {ahead[0]} m and velocity {ahead[1]} m/s, "
                 f"received acceleration {', '.join(map(str, received))} m/s^2"
             )
-        if self._limits:
-            command = self._limits.command(
-                command, self._carried_out, state.velocity, self._plant.step
-            )
-            self._carried_out = command
-        if self._publish_command:
-            delta = self._spacing_policy.spacing_error(state.position, state.velocity, position)
-            gap_error = state.position - position + self._spacing_policy.standstill_distance
-            self._publish_command(stamp, command, delta, gap_error)
-        if stamp < self._end:
-            after = self._plant.advance(state, command)
-            self._state = standing(state, after) if self._stops else after
-            self._publish_state(self._stamp, self._state)
+        return command
 
 
 class LockstepRelay:
@@ -264,6 +309,7 @@ class LockstepRelay:
                 f"{name}: its channel may lose or delay packets and the scenario does not say so: "
                 "receiver and recorder would wait for every packet. Set v2v.loss or v2v.channel."
             )
+        self._follower, self._samples = follower, scenario.samples
         self._step_ns, self._follows_motion = scenario.step_ns, follower.triggered
         sender = vehicle_name(follower.link.sender)
         self._inputs = [
@@ -289,6 +335,19 @@ class LockstepRelay:
     def take_velocity(self, stamp: int, velocity: float) -> None:
         """Accept the predecessor's velocity [m/s], where it sends as it moves."""
         self._accept(2, stamp, velocity)
+
+    @property
+    def next_sample(self) -> int:
+        """The sample from which on a change can take effect."""
+        return self._sample
+
+    def change(self, change: Change) -> None:
+        """Take a change that is not planned, of what happens to packets sent from then on."""
+        self._follower = self._follower.changed(change)
+        if isinstance(self._packets, TriggeredChannel):
+            self._packets.change(self._follower.composed())
+        else:
+            self._packets = packet_source(self._follower, self._samples, start=self._sample)
 
     def _accept(self, number: int, stamp: int, value: float) -> None:
         self._inputs[number].expect(stamp)
