@@ -66,6 +66,11 @@ class VehicleTopics:
         """Pose, twist and accel."""
         return self.pose, self.twist, self.accel
 
+    @property
+    def shown(self) -> tuple[Topic, Topic, Topic]:
+        """What is published for viewers alone: command, spacing error, state of the reception."""
+        return self.command, self.spacing_error, self.reception
+
     def link(self, sender: int) -> LinkTopics:
         """Return the topics of the link from another vehicle."""
         nearest = sender == self._index - 1

@@ -15,6 +15,7 @@ FOLDER = ROOT / "examples" / "standard_messages"
 sys.path.insert(0, str(FOLDER))
 
 import compute  # noqa: E402  (the folder of the example is no package)
+import one_link  # noqa: E402
 import show  # noqa: E402
 import study  # noqa: E402
 
@@ -88,6 +89,30 @@ def test_what_the_page_says_in_words():
     assert a["gains"]["time_headway"] == same["gains"]["time_headway"]
     assert same["gains"]["k_p"] > a["gains"]["k_p"]
     assert same["gains"]["k_a"] < a["gains"]["k_a"]
+
+
+def test_of_one_silent_link_the_page_has_the_numbers_of_today():
+    found = one_link.rows()
+    made = f"{one_link.BEGIN}\n{one_link.table(found)}\n{one_link.END}"
+    assert PAGE.count(made) == PAGE.count(one_link.BEGIN) == 1
+    gaps = {(one.motion, one.reception): one.gap for one in found}
+    assert all(gaps[motion, "fallback"] > 0.5 for motion in one_link.MOTIONS)
+    assert max(gaps["brake", "hold"], gaps["brake", "zero"]) < -10.0
+    assert min(gap for (motion, _), gap in gaps.items() if motion == "sine") > 20.0
+    errors = {(one.motion, one.reception): one.error for one in found}
+    assert errors["sine", "fallback"] > max(errors["sine", "hold"], errors["sine", "zero"])
+
+
+def test_the_command_puts_it_into_the_page(tmp_path, monkeypatch, capsys):
+    page = tmp_path / "README.md"
+    page.write_text(f"before\n{one_link.BEGIN}\nold\n{one_link.END}\nafter\n")
+    row = one_link.Row("brake", "hold", -0.5, 3, 1.25)
+    monkeypatch.setattr(one_link, "PAGE", page)
+    monkeypatch.setattr(one_link, "rows", lambda: [row])
+    assert one_link.main() == 0
+    made = capsys.readouterr().out
+    assert "| brake | hold | **-0.50 m** | 3 | 1.25 m |" in made
+    assert page.read_text() == f"before\n{one_link.BEGIN}\n{made}{one_link.END}\nafter\n"
 
 
 def test_the_scenario_is_the_one_that_was_simulated():

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from cacc_platoon.analysis.dropped import delivered_as_zero
+from cacc_platoon.analysis.link_packets import Bursts, LinkPackets, arrived_over, link_packets
 from cacc_platoon.scenario import Follower
 from cacc_platoon.simulation import Arrivals, Trajectory
 from cacc_platoon.simulation.trajectory import Array
@@ -28,8 +28,15 @@ class LinkReception(NamedTuple):
         Packets that are known to have been sent outside of blackouts, early enough to arrive within
         the run, and those of them that arrived; over a link that neither loses nor delays, as far
         as it is recorded.
+    dark : int
+        Those that were sent in blackouts.
+    late, overtaken : int
+        Those of the arrived that were delivered after the sample at which they were sent, and
+        those that were delivered after one that was sent later, so that they were of no use.
     loss : float
         Share that did not arrive; NaN when none is known to have been sent.
+    bursts : Bursts
+        Losses of consecutive packets.
     loss_probability, loss_variance : float
         What the scenario says, and the variance of the number of losses per packet.
     age_median, age_p99, age_max : float
@@ -41,12 +48,21 @@ class LinkReception(NamedTuple):
     follower: int
     sent: int
     arrived: int
+    dark: int
+    late: int
+    overtaken: int
     loss: float
+    bursts: Bursts
     loss_probability: float
     loss_variance: float
     age_median: float
     age_p99: float
     age_max: float
+
+    @property
+    def lost(self) -> int:
+        """Packets that were sent outside of blackouts and did not arrive."""
+        return self.sent - self.arrived
 
     @property
     def loses_too_much(self) -> bool:
@@ -66,11 +82,19 @@ def link_reception(run: Trajectory) -> list[LinkReception]:
     >>> link.loss, link.age_max
     (0.0, 0.0)
     """
-    dropped = delivered_as_zero(run)
+    ages = link_ages(run)
     return [
-        _link(run, follower, column, dropped[:, column])
-        for column, follower in enumerate(run.scenario.receivers)
+        _link(receiver, packets, age)
+        for receiver, packets, age in zip(
+            run.scenario.receivers, link_packets(run), ages, strict=True
+        )
     ]
+
+
+def link_ages(run: Trajectory) -> list[Array]:
+    """Return the age of information over every link at each sample [s], NaN before the first."""
+    samples, step = len(run.received), run.scenario.run.step
+    return [information_age(arrivals, samples) * step for arrivals in arrived_over(run)]
 
 
 def information_age(arrivals: Arrivals, samples: int) -> Array:
@@ -81,16 +105,6 @@ def information_age(arrivals: Arrivals, samples: int) -> Array:
     return np.where(newest >= 0, np.arange(samples) - newest, np.nan)
 
 
-def _sent_at(run: Trajectory, receiver: Follower, column: int, stop: int) -> npt.NDArray[np.int64]:
-    """Return the samples before `stop` at which a packet is sent over a link."""
-    if not receiver.triggered:
-        return receiver.send_times.between(0, stop)
-    rule, sender = receiver.send_rule(), run.scenario.topology.senders[column]
-    motion = zip(run.position[:, sender].tolist(), run.velocity[:, sender].tolist(), strict=True)
-    sends = [rule.sends(k, *state) for k, state in enumerate(motion)]
-    return np.flatnonzero(sends[: max(stop, 0)])
-
-
 def _mean_loss(receiver: Follower, sent: npt.NDArray[np.int64]) -> float:
     """Return the probability of a loss, the mean of the packets that are sent at these samples."""
     starts, stages = zip(*receiver.stages, strict=True)
@@ -99,34 +113,22 @@ def _mean_loss(receiver: Follower, sent: npt.NDArray[np.int64]) -> float:
     return float(np.average([stage.mean_loss for stage in stages], weights=packets))
 
 
-def _link(
-    run: Trajectory, receiver: Follower, column: int, dropped: npt.NDArray[np.bool_]
-) -> LinkReception:
-    samples = len(run.received)
-    sent = np.isfinite(run.sent[:, column])
-    due = np.zeros(samples, np.bool_)
-    due[_sent_at(run, receiver, column, samples - receiver.longest_latency_steps)] = True
-    for begin, end in receiver.blackouts:
-        due[begin:end] = False
-    sent &= due | bool(receiver.v2v.channel)
-    if run.arrivals is None or not receiver.counted:
-        sent &= np.isfinite(run.received[:, column])
-        sample = np.flatnonzero(sent)
-        arrivals = Arrivals(sample, sample, run.received[sample, column])
-    else:
-        source, at, value = run.arrivals[column]
-        kept = ~dropped[source]
-        arrivals = Arrivals(source[kept], at[kept], value[kept])
-    age = information_age(arrivals, samples) * run.scenario.run.step
+def _link(receiver: Follower, packets: LinkPackets, age: Array) -> LinkReception:
+    light = ~packets.dark
+    sent, arrived = int(light.sum()), int((light & ~packets.lost).sum())
     age = age[np.isfinite(age)]
     median, p99, largest = np.quantile(age, (0.5, 0.99, 1.0)) if age.size else [math.nan] * 3
-    arrived = int(sent[np.unique(arrivals.source)].sum())
-    known, p = int(sent.sum()), _mean_loss(receiver, np.flatnonzero(sent))
+    p = _mean_loss(receiver, packets.source[light])
     return LinkReception(
-        *receiver.link,
-        known,
+        packets.sender,
+        packets.follower,
+        sent,
         arrived,
-        1.0 - arrived / known if known else math.nan,
+        int(packets.dark.sum()),
+        int((packets.late & light).sum()),
+        int((packets.overtaken & light).sum()),
+        1.0 - arrived / sent if sent else math.nan,
+        packets.bursts,
         p,
         receiver.bursts().loss_variance if receiver.v2v.burst_begin else p * (1.0 - p),
         float(median),

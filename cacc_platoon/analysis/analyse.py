@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from cacc_platoon.analysis.age_margin import AgeMargin, age_margins
 from cacc_platoon.analysis.braking import WorstBraking, worst_braking
 from cacc_platoon.analysis.consistency import Consistency, check_consistency
 from cacc_platoon.analysis.metrics import Metrics, compute_metrics
@@ -18,7 +19,7 @@ from cacc_platoon.bags.raw import Progress
 from cacc_platoon.errors import UserError
 from cacc_platoon.runs.locate import locate
 from cacc_platoon.runs.recorded_run import RecordedRun, read_run
-from cacc_platoon.scenario import Scenario
+from cacc_platoon.scenario import Follower, Scenario
 from cacc_platoon.simulation import (
     Agreement,
     Ensemble,
@@ -83,6 +84,11 @@ class Report:
         return worst_braking(self.run.trajectory.scenario, self.verdict)
 
     @cached_property
+    def age_margins(self) -> list[AgeMargin]:
+        """The age of information over every link beside the latency that its design bears."""
+        return age_margins(self.run.trajectory, self.verdict.followers)
+
+    @cached_property
     def agreement(self) -> Agreement | None:
         """Whether the mean of the noisy runs is the expectation run, where that can be tested."""
         if self.ensemble is None:
@@ -129,7 +135,7 @@ def analyse(
         Which platoon to read when the bag holds several.
     runs : int, optional
         Size of a Monte Carlo of noisy runs beside the recorded one, 0 for none; by default some
-        that take a few seconds, and none where no link is noisy.
+        that take a few seconds, and none where nothing is left to chance.
     progress : callable, optional
         Called periodically with what is being done, how much is done and how much there is.
 
@@ -180,13 +186,21 @@ def refuse_ensemble(scenario: Scenario, runs: int | None) -> None:
         )
 
 
+def _left_to_chance(follower: Follower) -> bool:
+    """Return whether runs with other seeds differ, were all packets sent at the same times."""
+    v2v, sensors = follower.v2v, follower.sensors
+    lost = v2v.loss or v2v.burst_begin
+    wrong = v2v.noise == "bits" or v2v.noise_std or sensors.range_std or sensors.range_rate_std
+    return bool(lost or v2v.jitter or wrong)
+
+
 def _ensemble(scenario: Scenario, runs: int | None, progress: Progress | None) -> Ensemble | None:
     """Simulate noisy runs; `runs` as in `analyse`. Code that a scenario names is not run."""
     followers = scenario.followers
     refuse_ensemble(scenario, runs)
     if scenario.custom_code:
         return None
-    if not any(follower.v2v.noise == "bits" or follower.v2v.loss for follower in followers):
+    if not any(map(_left_to_chance, followers)):
         return None
     states = scenario.samples * (scenario.platoon.followers + 1)
     if runs is None:

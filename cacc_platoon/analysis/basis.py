@@ -176,21 +176,22 @@ def bases_of(scenario: Scenario, *, equal: bool) -> Bases:
 
 def _packets(scenario: Scenario) -> tuple[LinkBasis, ...]:
     """Say what is judged of followers whose packets are rare or late, those alike together."""
-    found: dict[PacketRate, list[int]] = {}
+    found: dict[tuple[PacketRate, bool], list[int]] = {}
     for follower in scenario.followers:
         times = packet_times(follower, scenario.run.step)
         if times.period is not None:
-            found.setdefault(times, []).append(follower.index)
+            found.setdefault((times, follower.triggered), []).append(follower.index)
     bases = []
-    for times, some in found.items():
+    for (times, triggered), some in found.items():
         if_so = _IF_SO if any(holds_in_bursts(scenario.follower(index)) for index in some) else ""
-        text = _PACKETS.format(f"{_rate(times)}{_at(tuple(some), scenario.indices)}")
+        text = _PACKETS.format(f"{_rate(times, triggered)}{_at(tuple(some), scenario.indices)}")
         bases.append(LinkBasis(tuple(some), f"{text}{if_so}", if_so))
     return tuple(bases)
 
 
-def _rate(times: PacketRate) -> str:
-    return str(times).removeprefix("a packet ")
+def _rate(times: PacketRate, triggered: bool) -> str:
+    taken = " (so they are taken here: they are sent as the sender moves)" if triggered else ""
+    return str(times).removeprefix("a packet ") + taken
 
 
 def _exact_test(zero: dict[int, float], everyone: Sequence[int]) -> str:

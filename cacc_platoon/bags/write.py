@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -19,15 +19,19 @@ from rosbags.interfaces import (
     QosTime,
 )
 from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.rosbag2.storage_mcap import McapWriter
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
 from cacc_platoon.bags.rows import FORMAT, FORMAT_KEY, Recording
+from msg_adapters.stamped import stamps_of
 from msg_adapters.text import encode_string
 
 STRING_TYPE = "std_msgs/msg/String"
 _FOREVER = QosTime(9223372036, 854775807)
 _PROGRESS_STRIDE = 500
+_PUBLISH_TIME, _MESSAGE = 23, 31  # bytes from the start of an MCAP message record
+_STAMPED = 12  # bytes of a message up to the end of its stamp
 
 
 class Events(NamedTuple):
@@ -55,8 +59,8 @@ def write_bag(
     """Write a new bag, its messages in the order of (delivery stamp, topic).
 
     The log time of a message is the time of the sample at which it is delivered; its header stamp
-    is the time of the sample at which it was sent. The bag is closed and readable even when writing
-    is interrupted.
+    and its publish time are the time of the sample at which it was sent. The bag is closed and
+    readable even when writing is interrupted.
 
     Parameters
     ----------
@@ -77,7 +81,7 @@ def write_bag(
     progress : callable, optional
         Called periodically with the sample reached and the number of samples.
     """
-    writer = Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP)
+    writer = _Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP)
     version = {FORMAT_KEY: str(FORMAT.version)}
     for key, value in {"scenario": scenario_text, **version, **custom_data}.items():
         writer.set_custom_data(key, value)
@@ -93,9 +97,43 @@ def write_bag(
             _add(writer, name, record.type_name, QosDurability.VOLATILE, depth)
             for name, record in sorted(recording.items())
         ]
+        late = [one for one in connections if recording[one.topic].delivered is not None]
+        if isinstance(writer.storage, _Storage):
+            writer.storage.late = frozenset(one.id for one in late)
         _write_samples(writer, connections, recording, step_ns, progress)
     finally:
         writer.close()
+
+
+class _Storage(McapWriter):
+    """An MCAP file of which some messages were published before the time they are logged at.
+
+    `late` are the channels, of messages that begin with a header, whose publish time is its stamp;
+    of all others it is the log time, as the base class writes it.
+    """
+
+    late: frozenset[int] = frozenset()
+
+    def close_chunk(self) -> None:
+        """Put in the publish times of a chunk and write it."""
+        starts = [at for one in self.late for _, at in self.chunk.msgs.get(one, ())]
+        if starts:
+            _publish_at_stamps(self.chunk.bio.getbuffer(), np.array(starts)[:, np.newaxis])
+        super().close_chunk()
+
+
+def _publish_at_stamps(chunk: memoryview, starts: npt.NDArray[np.int64]) -> None:
+    """Set the publish times of messages to their header stamps, by where their records start."""
+    content = np.frombuffer(chunk, np.uint8)
+    stamps = stamps_of(content[starts + _MESSAGE + np.arange(_STAMPED)])
+    content[starts + _PUBLISH_TIME + np.arange(8)] = stamps.astype("<i8")[:, np.newaxis].view("u1")
+
+
+class _Writer(Writer):
+    STORAGE_PLUGINS: Mapping[StoragePlugin, type[Any]] = {
+        **Writer.STORAGE_PLUGINS,
+        StoragePlugin.MCAP: _Storage,
+    }
 
 
 def _write_samples(

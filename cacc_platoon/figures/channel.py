@@ -2,16 +2,30 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
 
-from cacc_platoon.analysis.age import information_age
+from cacc_platoon.analysis.age import link_ages
 from cacc_platoon.analysis.fallback import reception_state
+from cacc_platoon.analysis.link_packets import packets_over_time
 from cacc_platoon.analysis.noise import LinkNoise, noise_factor
-from cacc_platoon.figures.style import BLUE, GREY, ORANGE, RED, Axes, reduce
+from cacc_platoon.figures.style import (
+    BLUE,
+    GREY,
+    ORANGE,
+    PURPLE,
+    RED,
+    Axes,
+    draw_cells,
+    reduce,
+    shades,
+)
 from cacc_platoon.model import Link, ReceptionState
 from cacc_platoon.simulation import Trajectory
+from cacc_platoon.simulation.trajectory import Array
 
 _BESIDE = 0.2
 
@@ -45,14 +59,80 @@ def plot_noise(noise: Axes, signal: Axes, run: Trajectory, follower: int) -> Non
     signal.legend()
 
 
-def plot_age(axes: Axes, run: Trajectory, follower: int) -> None:
-    """Draw the age of information of one link over time [s]; `run` has arrivals."""
-    assert run.arrivals is not None
-    column = run.scenario.topology.links.index(Link(follower - 1, follower))
-    age = information_age(run.arrivals[column], len(run.time)) * run.scenario.run.step
+def plot_age(axes: Axes, run: Trajectory, link: Link, margin: float = math.nan) -> None:
+    """Draw the age of information of one link over time [s], and the latency its design bears."""
+    age = link_ages(run)[run.scenario.topology.links.index(link)]
     axes.plot(*reduce(run.time, age), color=BLUE, linewidth=0.6)
+    if 0.0 < margin < math.inf:
+        axes.axhline(margin, color=RED, linestyle="--", linewidth=1.0)
+        axes.set_title(f"dashed: the latency margin, {margin:.3g} s")
     axes.set_xlabel("time [s]")
     axes.set_ylabel("age of information [s]")
+
+
+_SHARES = (0.0, 0.05, 0.2, 0.5, 0.99, 1.0)
+_LEVELS, _MOST_TICKS = 4, 7
+_ROUND = np.array([1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0])
+_ABOUT = 1.02  # bins do not all hold the same number of samples
+
+
+def plot_packets(sent: Axes, lost: Axes, late: Axes, run: Trajectory) -> None:
+    """Draw how many packets each link sends, which share is lost, and how late the others are."""
+    found = packets_over_time(run)
+    rate = found.sent / np.diff(found.edges)
+    with np.errstate(invalid="ignore"):
+        share = found.lost / found.sent
+    for axes, title, none, values, limits, colour in (
+        (sent, "packets sent [1/s]", "none sent", rate, _round_limits(rate), BLUE),
+        (lost, "share of them lost [-]", "none lost", share, np.array(_SHARES), RED),
+        (
+            *(late, "mean time to arrival [s]", "none late"),
+            *(found.delay, _round_limits(found.delay), PURPLE),
+        ),
+    ):
+        colours = shades(colour, len(limits) - 1)
+        level = np.searchsorted(limits, np.where(values > 0.0, values, 0.0)) - 1
+        draw_cells(axes, found.edges, np.minimum(level, len(colours) - 1), colours)
+        something = bool((level >= 0).any())
+        _add_levels(axes, limits if something else limits[:0], colours)
+        if not something:
+            axes.text(0.5, 0.5, none, transform=axes.transAxes, ha="center", va="center")
+        axes.set_title(title, loc="left")
+        _name_links(axes, run.scenario.topology.links)
+    for axes in (sent, lost):
+        axes.tick_params(labelbottom=False)
+    late.set_xlabel("time [s]")
+
+
+def _round_limits(values: Array) -> Array:
+    """Return equal round steps from 0 to about the largest value."""
+    most = float(np.max(values, initial=0.0, where=np.isfinite(values)))
+    if not most:
+        return np.arange(_LEVELS + 1.0)
+    power = 10.0 ** np.floor(np.log10(most / _LEVELS))
+    step = power * _ROUND[np.argmax(_ABOUT * _ROUND * power >= most / _LEVELS)]
+    return np.asarray(np.arange(_LEVELS + 1) * step, np.float64)
+
+
+def _name_links(axes: Axes, links: Sequence[Link]) -> None:
+    shown = range(0, len(links), -(-len(links) // _MOST_TICKS))
+    axes.set_yticks(shown, [f"{links[i].sender} to {links[i].receiver}" for i in shown])
+    axes.set_ylabel("link")
+    axes.grid(visible=False, axis="y")
+
+
+def _add_levels(axes: Axes, limits: Array, colours: list[object]) -> None:
+    """Show which colour stands for which values."""
+    from matplotlib.cm import ScalarMappable  # noqa: PLC0415
+    from matplotlib.colors import BoundaryNorm, ListedColormap  # noqa: PLC0415
+
+    levels = ScalarMappable(BoundaryNorm(range(len(colours) + 1), len(colours)))
+    levels.set_cmap(ListedColormap(colours))
+    scale = axes.figure.colorbar(levels, ax=axes, pad=0.02, aspect=12)
+    scale.set_ticks(range(len(limits)), labels=[f"{limit:.3g}" for limit in limits])
+    scale.ax.minorticks_off()
+    scale.ax.tick_params(length=0)
+    scale.outline.set_visible(False)
 
 
 STATES = {

@@ -11,6 +11,7 @@ from itertools import pairwise
 from typing import Any, TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
 from cacc_platoon.simulation.trajectory import Array
 
@@ -34,6 +35,9 @@ POINTS = 600
 
 PIXELS_PER_INCH = 140
 """Of a figure that is saved as PNG."""
+
+_LIGHTEST = 0.25  # share of a colour in its lightest shade
+_BETWEEN, _MOST_APART = 0.06, 20  # of a row's height left free, and up to how many rows
 
 _DECIMALS = re.compile(r"(\.\d\d)\d+")
 
@@ -172,6 +176,56 @@ def vehicle_colours(count: int) -> list[Any]:
     import matplotlib as mpl  # noqa: PLC0415
 
     return [mpl.colormaps["viridis"](0.9 * i / max(count - 1, 1)) for i in range(count)]
+
+
+def shades(color: str, count: int) -> list[Any]:
+    """Return shades of a colour, from light to itself.
+
+    Examples
+    --------
+    >>> [tuple(round(float(part), 2) for part in shade) for shade in shades("#0000ff", 2)]
+    [(0.75, 0.75, 1.0), (0.0, 0.0, 1.0)]
+    """
+    from matplotlib.colors import to_rgb  # noqa: PLC0415
+
+    full = np.array(to_rgb(color))
+    return [tuple(1.0 - s * (1.0 - full)) for s in np.linspace(_LIGHTEST, 1.0, count)]
+
+
+def draw_cells(axes: Axes, edges: Array, level: npt.NDArray[np.int64], colours: list[Any]) -> None:
+    """Draw rows of coloured cells, one path a colour, so that the file stays small.
+
+    Parameters
+    ----------
+    axes : Axes
+        Where to draw; row i lies around y = i.
+    edges : ndarray, shape (n + 1,)
+        Where the cells of a row begin and end.
+    level : ndarray of int, shape (rows, n)
+        Which of the colours each cell has, -1 for none; equal neighbours are drawn as one.
+    colours : list
+        As matplotlib takes them.
+    """
+    from matplotlib.patches import PathPatch  # noqa: PLC0415
+    from matplotlib.path import Path  # noqa: PLC0415
+
+    half = 0.5 - (_BETWEEN if len(level) <= _MOST_APART else 0.0)
+    corners: list[list[tuple[float, float]]] = [[] for _ in colours]
+    for row, levels in enumerate(level):
+        ends = [0, *(np.flatnonzero(np.diff(levels)) + 1).tolist(), len(levels)]
+        for begin, end in pairwise(ends):
+            if levels[begin] >= 0:
+                low, high = float(edges[begin]), float(edges[end])
+                top, bottom = row - half, row + half
+                box = [(low, top), (high, top), (high, bottom), (low, bottom), (low, top)]
+                corners[levels[begin]] += box
+    codes = [Path.MOVETO, *[Path.LINETO] * 3, Path.CLOSEPOLY]
+    for colour, box in zip(colours, corners, strict=True):
+        if box:
+            path = Path(box, codes * (len(box) // len(codes)))
+            axes.add_patch(PathPatch(path, facecolor=colour, linewidth=0.0))
+    axes.set_xlim(edges[0], edges[-1])
+    axes.set_ylim(len(level) - 0.5, -0.5)
 
 
 def spread(count: int, at_most: int) -> list[int]:

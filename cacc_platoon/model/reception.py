@@ -65,7 +65,7 @@ class HoldReception:
 
     def chosen(self, delivery: Delivery, samples: int) -> Integers:
         """Return which packet is used at each sample."""
-        kept = _not_overtaken(delivery.source)
+        kept = not_overtaken(delivery.source)
         last = np.searchsorted(delivery.sample[kept], np.arange(samples), side="right") - 1
         return np.where(last >= 0, kept[last], -1) if len(kept) else np.full(samples, -1)
 
@@ -102,7 +102,7 @@ class ZeroReception:
 
     def chosen(self, delivery: Delivery, samples: int) -> Integers:
         """Return which packet is used at each sample."""
-        kept = _not_overtaken(delivery.source)
+        kept = not_overtaken(delivery.source)
         every = np.arange(samples)
         last = np.searchsorted(delivery.sample[kept], every, side="right") - 1
         if not len(kept):
@@ -119,7 +119,7 @@ def picked(values: npt.NDArray[Number], chosen: Integers, none: float) -> npt.ND
     return found
 
 
-def _not_overtaken(source: Integers) -> Integers:
+def not_overtaken(source: Integers) -> Integers:
     """Return the rows whose source is newer than that of every row before."""
     if not len(source):
         return np.empty(0, np.int64)

@@ -80,7 +80,7 @@ class NodeRecord:
     index : int
         Its vehicle.
     inputs, outputs : tuple of Stream
-        What it received and what it published.
+        What it received and what it published, as far as the bag has what is for viewers alone.
     samples : int
         So many samples of its output can be repeated from its inputs.
     notes : tuple of str
@@ -166,7 +166,12 @@ def read_node(
     topics = graph.nodes[NodeName(NodeKind(node), index)]
     read = _Streams(raw, graph, node, run.scenario)
     inputs = tuple(read.stream(topic, index) for topic in topics.subscribes)
-    outputs = tuple(read.stream(topic, index) for topic in topics.publishes)
+    shown = graph.vehicles[index].shown
+    outputs = tuple(
+        read.stream(topic, index)
+        for topic in topics.publishes
+        if topic not in shown or raw.topics.get(topic.name)
+    )
     ahead = 1 if node == "vehicle" else 0  # sample k of the inputs gives sample k + 1
     last = run.scenario.samples
     samples = min([last, *(s.unbroken + ahead for s in inputs), *(s.unbroken for s in outputs)])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
@@ -9,6 +10,7 @@ from cacc_platoon.figures import channel, motion, propagation
 from cacc_platoon.figures.frequency_response import plot_response
 from cacc_platoon.figures.gain_region import plot_regions
 from cacc_platoon.figures.picture import Picture
+from cacc_platoon.model import Link
 from cacc_platoon.theory import exact_region, k_a_max, paper_region
 from cacc_platoon.theory.response_band import response_band
 
@@ -117,11 +119,23 @@ def _channel_pictures(report: Report) -> Iterator[Picture]:
         lambda axes: channel.plot_link_noise(axes, report.measured.noise),
     )
     if run.arrivals is not None:
+        links = len(run.scenario.topology.links)
+        yield Picture(
+            "packets",
+            "Packets sent, lost and late",
+            "Of every link, by when they were sent; lost in blackouts, too. Late: from sending to "
+            "delivery, of those that arrived.",
+            lambda sent, lost, late: channel.plot_packets(sent, lost, late, run),
+            rows=3,
+            height=min(9.0, 4.4 + 0.1 * max(0, links - 12)),
+        )
+        oldest, margin = _oldest(report)
         yield Picture(
             "age",
-            f"Age of information, vehicle {follower - 1} to {follower}",
-            "How long ago the newest packet that had arrived was sent.",
-            lambda axes: channel.plot_age(axes, run, follower),
+            f"Age of information, vehicle {oldest.sender} to {oldest.receiver}",
+            "How long ago the newest packet that had arrived was sent, over the link where that "
+            "was longest. The latency margin is of a constant latency.",
+            lambda axes: channel.plot_age(axes, run, oldest, margin),
         )
     if run.share is not None:
         yield Picture(
@@ -130,6 +144,14 @@ def _channel_pictures(report: Report) -> Iterator[Picture]:
             "Who drives by the control law, and who falls back to one without V2V.",
             lambda axes: channel.plot_reception(axes, run),
         )
+
+
+def _oldest(report: Report) -> tuple[Link, float]:
+    """Return the link over which information was oldest, and the latency margin of its design."""
+    links = report.measured.reception
+    ages = [-1.0 if math.isnan(link.age_max) else link.age_max for link in links]
+    worst = report.age_margins[ages.index(max(ages))]
+    return Link(worst.sender, worst.follower), worst.margin
 
 
 def _design_pictures(report: Report) -> Iterator[Picture]:

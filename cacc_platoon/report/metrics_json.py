@@ -41,6 +41,15 @@ def metrics_document(report: Report) -> dict[str, Any]:
             "followers": scenario.platoon.followers,
             "first_follower": scenario.platoon.first_follower,
             **_metrics(report.measured),
+            "age_margins": [
+                {
+                    "sender": one.sender,
+                    "follower": one.follower,
+                    "margin": one.margin,
+                    "share_above": one.share_above,
+                }
+                for one in report.age_margins
+            ],
             "noise": _noise(report.measured.noise),
             "expected": _metrics(report.expected),
             "expected_without": report.run.trajectory.scenario.custom_code,
@@ -157,8 +166,17 @@ def _link_reception(link: LinkReception) -> dict[str, Any]:
         "follower": link.follower,
         "sent": link.sent,
         "arrived": link.arrived,
+        "lost": link.lost,
+        "in_blackouts": link.dark,
+        "late": link.late,
+        "overtaken": link.overtaken,
         "loss": link.loss,
         "loss_probability": link.loss_probability,
+        "bursts": {
+            "number": link.bursts.number,
+            "longest": link.bursts.longest,
+            "mean": link.bursts.mean,
+        },
         "age": {"median": link.age_median, "p99": link.age_p99, "max": link.age_max},
     }
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from cacc_platoon.notation import as_html, as_text
@@ -58,11 +58,22 @@ NOISE_COLUMNS = (
 RECEPTION_COLUMNS = (
     Column("sent", "-", "sent", "d"),
     Column("arrived", "-", "arrived", "d"),
-    Column("lost", "-", "loss", ".4f"),
+    Column("lost", "-", "lost", "d"),
+    Column("share", "-", "loss", ".4f"),
     Column("probability of loss", "-", "loss_probability", ".4f"),
+    Column("bursts", "-", "bursts.number", "d"),
+    Column("mean", "-", "bursts.mean", ".3f"),
+    Column("longest", "-", "bursts.longest", "d"),
+    Column("in blackouts", "-", "in_blackouts", "d"),
+    Column("late", "-", "late", "d"),
+    Column("overtaken", "-", "overtaken", "d"),
     Column("age, median", "s", "age.median", ".4f"),
     Column("99 %", "s", "age.p99", ".4f"),
     Column("at most", "s", "age.max", ".4f"),
+)
+MARGIN_COLUMNS = (
+    Column("latency margin", "s", "margin", ".4f"),
+    Column("older than that", "-", "share_above", ".4f"),
 )
 FALLBACK_COLUMNS = (
     Column("normal", "-", "shares.normal", ".4f"),
@@ -108,12 +119,13 @@ def follower_table(document: dict[str, Any]) -> str:
 
 def noise_table(document: dict[str, Any]) -> str:
     """Return the realised noise, one row per link."""
-    return _link_table(document, "noise.links", NOISE_COLUMNS)
+    return _link_table(document, {"noise.links": NOISE_COLUMNS})
 
 
 def reception_table(document: dict[str, Any]) -> str:
     """Return packet loss and age of information, one row per link."""
-    return _link_table(document, "reception", RECEPTION_COLUMNS)
+    both = {"reception": RECEPTION_COLUMNS, "age_margins": MARGIN_COLUMNS}
+    return _link_table(document, both)
 
 
 def fallback_table(document: dict[str, Any]) -> str:
@@ -127,13 +139,15 @@ def fallback_table(document: dict[str, Any]) -> str:
     return _table([_heading("follower"), *headings], rows)
 
 
-def _link_table(document: dict[str, Any], links: str, columns: Sequence[Column]) -> str:
+def _link_table(document: dict[str, Any], parts: Mapping[str, Sequence[Column]]) -> str:
+    """Return columns of lists that go over the same links, one row per link."""
+    columns = [(links, column) for links, some in parts.items() for column in some]
     rows = []
-    for number, link in enumerate(look_up(document, links)):
+    for number, link in enumerate(look_up(document, next(iter(parts)))):
         cells = [f"<td>{link['sender']} to {link['follower']}</td>"]
-        cells += [cell(document, f"{links}.{number}.{c.key}", c.form) for c in columns]
+        cells += [cell(document, f"{links}.{number}.{c.key}", c.form) for links, c in columns]
         rows.append("".join(cells))
-    return _table([_heading("link"), *(_heading(c.heading, c.unit) for c in columns)], rows)
+    return _table([_heading("link"), *(_heading(c.heading, c.unit) for _, c in columns)], rows)
 
 
 def scenario_table(scenario: Scenario) -> str:

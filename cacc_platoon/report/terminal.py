@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from cacc_platoon.analysis.age_margin import describe_age
 from cacc_platoon.analysis.metrics import describe_growth
 from cacc_platoon.theory.noise_interval import effective_interval
 
@@ -174,11 +175,19 @@ def _packet_lines(report: Report, facts: dict[str, Any]) -> list[str]:
     """Say what was lost and how old the newest packet was, where links may lose packets."""
     if not any(follower.counted for follower in report.run.trajectory.scenario.followers):
         return []
-    age = facts["age"]
+    age, links = facts["age"], facts["reception"]
+    keys = "sent", "lost", "overtaken", "in_blackouts"
+    sent, lost, overtaken, dark = (sum(link[key] for link in links) for key in keys)
+    longest = max(link["bursts"]["longest"] for link in links)
+    share = f" ({100 * facts['loss']:.3g} %)" if sent else ""
+    more = f"; {dark} more in blackouts" if dark else ""
     return [
-        f"  packets: {100 * facts['loss']:.3g} % lost; age of information on the worst link: "
-        f"median {_number(age['median'], 's')}, 99 % {_number(age['p99'], 's')}, at most "
-        f"{_number(age['max'], 's')}"
+        f"  packets: {sent} sent, {lost} lost{share}, at most {longest} in a row, "
+        f"{overtaken} overtaken{more}",
+        f"  age of information on the worst link: median {_number(age['median'], 's')}, "
+        f"99 % {_number(age['p99'], 's')}, at most {_number(age['max'], 's')}",
+        f"  age beside the latency margin, which is of a constant latency: "
+        f"{describe_age(report.age_margins)}",
     ]
 
 

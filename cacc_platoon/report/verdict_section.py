@@ -7,6 +7,8 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
+from cacc_platoon.analysis.age_margin import BASIS as AGE_BASIS
+from cacc_platoon.analysis.age_margin import describe_age
 from cacc_platoon.analysis.metrics import describe_growth
 from cacc_platoon.notation import as_html
 from cacc_platoon.report.tables import cell, text_table
@@ -202,6 +204,8 @@ def _data_rows(report: Report, metrics: dict[str, Any]) -> Iterator[tuple[str, s
         "broken" if any(link.breaches for link in links) else kept,
         f"1 - 1/rho <= w <= 1 + 1/rho {of_what}, checked in the data",
     )
+    if any(follower.counted for follower in report.run.trajectory.scenario.followers):
+        yield "Age of information", describe_age(report.age_margins), f"the margin is {AGE_BASIS}"
     for (question, basis), found in zip(_RECOMPUTED, report.recomputed, strict=True):
         left_out = f"; not compared: {found.unknown}" if found.unknown else ""
         yield question, _obeyed(found), f"{basis}{left_out}"

@@ -24,8 +24,13 @@ Study = Mapping[str, Any]
 
 def with_tables(page: str, study: Study) -> str:
     """Return a page with the tables of a study in the place of those it has."""
-    old = re.compile(f"{BEGIN}\n.*?{END}", re.DOTALL)
-    return old.sub(lambda _: f"{BEGIN}\n{tables(study)}\n{END}", page)
+    return between(page, BEGIN, END, tables(study))
+
+
+def between(page: str, begin: str, end: str, text: str) -> str:
+    """Return a page with a text in the place of what it has between two marks."""
+    old = re.compile(f"{re.escape(begin)}\n.*?{re.escape(end)}", re.DOTALL)
+    return old.sub(lambda _: f"{begin}\n{text}\n{end}", page)
 
 
 def tables(study: Study) -> str:
@@ -40,18 +45,19 @@ def tables(study: Study) -> str:
         for one in designs
     ]
     parts = [
-        _markdown(
+        markdown(
             ("design", *(_head(study, way) for way in ways)),
             [(one["name"], *map(_answer, one["rows"])) for one in designs],
         ),
         _beside(study),
-        _markdown(("design", "h_w [s]", "k_a", "k_v [1/s]", "k_p [1/s^2]", "from"), gains),
-        _markdown(_HEADS, [_cells(one, row) for one in designs for row in one["rows"]]),
+        markdown(("design", "h_w [s]", "k_a", "k_v [1/s]", "k_p [1/s^2]", "from"), gains),
+        markdown(_HEADS, [_cells(one, row) for one in designs for row in one["rows"]]),
     ]
     return "\n\n".join(parts)
 
 
-def _markdown(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+def markdown(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return a table."""
     lines = [heads, ["---"] * len(heads), *rows]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 

@@ -70,6 +70,49 @@ def test_noise_figure(scenario):
     assert sent.get_ydata().tolist() == run.acceleration[:, 1].tolist()
 
 
+def drawn_cells(axes):
+    """Return the cells of each colour as (begin, end, row), those of a patch together."""
+    corners = [patch.get_path().vertices.reshape(-1, 5, 2) for patch in axes.patches]
+    return [
+        [(box[0, 0], box[1, 0], round(box[:4, 1].mean())) for box in boxes] for boxes in corners
+    ]
+
+
+@pytest.mark.parametrize("followers", [1, 12, 40])
+def test_packets_figure(bags, followers):
+    """One link is dark from 4 to 6 s; the others lose nothing and take 0.03 s."""
+    dark = {"v2v.period": 0.1, "v2v.latency": 0.03, "vehicle_1.v2v.blackouts": [4.0, 6.0]}
+    long = {"platoon.followers": followers, "run.duration": 20.0}
+    run = simulate(bags.scenario(long).with_values(dark))
+    first, second, third = Figure().subplots(3)
+    channel.plot_packets(first, second, third, run)
+    sent, lost, late = map(drawn_cells, (first, second, third))
+    assert lost == [[(4.0, 6.0, 0)]]
+    assert sum(len(cells) for cells in sent) >= followers
+    [whole] = late
+    assert (0.0, 4.0, 0) in whole
+    assert (6.0, 20.0, 0) in whole
+    assert len(whole) == followers + 1
+    names = [label.get_text() for label in third.get_yticklabels()]
+    assert names[0] == "0 to 1"
+    assert len(names) == {1: 1, 12: 6, 40: 7}[followers]
+
+
+def test_equal_cells_are_drawn_as_one(axes):
+    level = np.array([[0, 0, 1, -1], [1, 1, 1, 1]])
+    style.draw_cells(axes, np.array([0.0, 1.0, 2.0, 3.0, 4.0]), level, ["red", "blue"])
+    assert drawn_cells(axes) == [[(0.0, 2.0, 0)], [(2.0, 3.0, 0), (0.0, 4.0, 1)]]
+
+
+def test_age_figure_shows_the_margin(axes, bags):
+    run = simulate(bags.scenario({"v2v.period": 0.1}))
+    channel.plot_age(axes, run, run.scenario.topology.links[1], 0.07)
+    age, margin = axes.get_lines()
+    assert np.max(age.get_ydata()) == pytest.approx(0.09)
+    assert set(margin.get_ydata()) == {0.07}
+    assert "0.07 s" in axes.get_title()
+
+
 def test_ensemble_band_holds_the_run(scenario):
     run, expectation = simulate(scenario), simulate(scenario, "expected")
     ensemble = monte_carlo(scenario, 5)

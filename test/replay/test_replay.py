@@ -419,3 +419,14 @@ def test_causes_begin_with_what_is_known(tmp_path):
     first, second, *_ = possible_causes(dataclasses.replace(record, run=run))
     assert "recorded on riscv64" in first
     assert "numpy 1.0 then" in second
+
+
+@pytest.mark.parametrize("values", [{"v2v.reception": "fallback"}, {"record.command": True}])
+def test_what_is_for_viewers_alone_need_not_be_in_the_bag(tmp_path, values):
+    """A simulated run and a bag of another tool have neither commands nor states of reception."""
+    one = SCENARIO.with_values({**values, "v2v.loss": 0.3})
+    record = read_node(make_bag(tmp_path / "bag", one), 2, "vehicle")
+    assert [stream.topic for stream in record.outputs] == list(OWN.motion)
+    assert record.samples == one.samples
+    with pytest.raises(UserError, match="lacks /platoon/vehicle_2/twist"):
+        read_node(make_bag(tmp_path / "other", one, v2_twist=None), 2, "vehicle")

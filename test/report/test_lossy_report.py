@@ -269,3 +269,57 @@ def test_the_least_gap_says_which_losses_it_leaves_out(made, values, said):
     found = [row[1] for name, row in made(values)[2].items() if name.startswith("Least gap")]
     assert len(found) == 1
     assert found[0].startswith(said)
+
+
+def test_packets_are_counted_in_words_and_in_the_table(made):
+    report, text, rows = made({"v2v.period": 0.05, "v2v.jitter": 0.2, "v2v.loss": 0.2, **DARK})
+    links = metrics_document(report)["reception"]
+    sent, lost, dark, overtaken = (
+        sum(link[key] for link in links) for key in ("sent", "lost", "in_blackouts", "overtaken")
+    )
+    longest = max(link["bursts"]["longest"] for link in links)
+    assert (dark, longest > 1, overtaken > 20) == (80, True, True)
+    assert (
+        f"packets: {sent} sent, {lost} lost ({100.0 * lost / sent:.3g} %), at most {longest} in a "
+        f"row, {overtaken} overtaken; 80 more in blackouts" in text
+    )
+    answer, basis = rows["Age of information"]
+    assert re.match(r"above the latency margin of \S+ s for \S+ % of the time \(vehicle", answer)
+    assert "the largest constant latency" in basis
+    assert f"age beside the latency margin, which is of a constant latency: {answer}" in text
+    names = [picture.name for picture in figure_list.pictures(report)]
+    assert {"packets", "age"} < set(names)
+
+
+def test_a_run_that_is_all_blackout_is_reported(made):
+    report, text, rows = made({"v2v.blackouts": [0.0, 100.0]})
+    assert f"packets: 0 sent, 0 lost, at most 0 in a row, 0 overtaken; {4 * 601} more in" in text
+    assert rows["Age of information"][0] == "unknown"
+    assert metrics_document(report)["loss"] is None
+    assert all(
+        picture.svg() for picture in figure_list.pictures(report) if "packet" in picture.name
+    )
+
+
+@pytest.mark.parametrize(
+    ("values", "runs"),
+    [
+        (BURSTS, 3),
+        ({"v2v.jitter": 0.1}, 3),
+        ({"v2v.noise_std": 0.1}, 3),
+        ({"sensing.range_std": 0.1}, 3),
+        ({"v2v.bias": 0.1, "v2v.latency": 0.1}, None),
+    ],
+)
+def test_random_runs_are_simulated_where_anything_is_random(values, runs, tmp_path):
+    one = Scenario.from_values({**DAMPED, "v2v.noise": "none", **values})
+    simulate_run(one, tmp_path / "run")
+    ensemble = analyse(tmp_path / "run", runs=3).ensemble
+    assert (ensemble.runs if ensemble else None) == runs
+    assert ensemble is None or ensemble.standard_error.max() > 1e-6
+
+
+def test_standard_messages_are_not_said_to_come_every_control_period(made):
+    report, text, _ = made({"v2v.send_rule": "cam", "v2v.latency": 0.04})
+    assert "every 0.01 s, 0.04 s late (so they are taken here: they are sent as" in text
+    assert not report.verdict.certified

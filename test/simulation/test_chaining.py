@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from cacc_platoon.analysis import analyse
+from cacc_platoon.analysis.age import link_reception
+from cacc_platoon.analysis.fallback import fallback_use
 from cacc_platoon.bags.digest import topic_digest
 from cacc_platoon.cli.simulate import simulate_run
 from cacc_platoon.model import Topology
@@ -13,6 +15,7 @@ from cacc_platoon.report import metrics_document, summary
 from cacc_platoon.runs.recorded_leader import with_recorded_leader
 from cacc_platoon.runs.recording import recording_of
 from cacc_platoon.scenario import Scenario
+from cacc_platoon.scenario.channel_presets import channel_settings
 from cacc_platoon.scenario.file import load_scenario, parse_scenario
 from cacc_platoon.scenario.parameter import ScenarioError
 from cacc_platoon.simulation import monte_carlo, simulate
@@ -44,6 +47,23 @@ def test_six_and_six_are_twelve(rear):
     assert len(grown) == 7 * 3 + 6
     for name, record in grown.items():
         assert topic_digest(record) == topic_digest(whole[name]), name
+
+
+@pytest.mark.parametrize("channel", ["cam_lossy", "gilbert_tamu", "attacked"])
+def test_two_and_two_are_four_where_packets_are_lost_late_or_false(channel, tmp_path):
+    """Packets follow the motion of the recorded leader too, and fallbacks go on as in the whole."""
+    dark = ("v2v.reception=fallback", "v2v.fallback_after=0.4", "v2v.blackouts=[3, 5]")
+    settings = (*SHORT[:2], *channel_settings(channel), *dark)
+    simulate_run(load_scenario(PAPER_A, [*settings, "platoon.followers=2"]), tmp_path / "front")
+    behind = ("platoon.followers=2", "platoon.first_follower=3", "leader.profile=bag")
+    file = f"leader.file={tmp_path}/front"
+    rear = with_recorded_leader(load_scenario(PAPER_A, [*settings, *behind, file]))
+    whole = simulate(load_scenario(PAPER_A, [*settings, "platoon.followers=4"]))
+    grown = simulate(rear)
+    np.testing.assert_array_equal(np.stack(grown.motion), np.stack(whole.motion)[:, :, 2:])
+    assert link_reception(grown) == link_reception(whole)[2:]
+    assert fallback_use(grown) == fallback_use(whole)[2:]
+    assert fallback_use(grown)[0].turns > 0
 
 
 def test_columns_are_those_of_the_whole(rear):

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
 from rosbags.rosbag2 import Reader
 
 from cacc_platoon.analysis import analyse
@@ -114,6 +115,10 @@ def test_the_bag_holds_what_arrived(platoon: Start, packets: tuple[str, ...]) ->
         step = run.scenario.step_ns
         assert [stamp // step for _, stamp in messages] == arrivals.source.tolist()
         assert [log // step for log, _ in messages] == arrivals.sample.tolist()
+        [file] = result.folder.bag.glob("*.mcap")
+        with file.open("rb") as stream:  # a third one, which knows publish times
+            logged = make_reader(stream).iter_messages([vehicle.received.name])
+            assert [message.publish_time for *_, message in logged] == [s for _, s in messages]
     report = analyse(result.folder.path, runs=0)
     assert report.run.findings == ()
     assert report.consistency.largest == 0.0
