@@ -55,6 +55,7 @@ from cacc_platoon.supervision.run_state import (
     Run,
     Stage,
     connections_left,
+    end_event,
     joined,
     not_in_time,
     refuse,
@@ -66,6 +67,7 @@ from cacc_platoon.supervision.run_state import (
     wanted_subscribers,
     warn,
     whose_process,
+    with_changes,
     with_news,
 )
 from msg_adapters.topics import PlatoonTopics
@@ -324,9 +326,8 @@ class RunMachine:
         return run, self._look_now_and_then(run, now)
 
     def _watch(self, run: Run, now: float) -> Step:
-        due = [one for one in self._changes if run.told < one.sample <= run.progress]
-        told: list[Action] = [Tell(change.event) for change in due]
-        run, actions = self._go_on(run._replace(told=run.progress), now)
+        run, told = with_changes(run, self._changes)
+        run, actions = self._go_on(run, now)
         return run, [*told, *actions]
 
     def _go_on(self, run: Run, now: float) -> Step:
@@ -384,9 +385,8 @@ class RunMachine:
         if waited_for and now - run.since <= GOODBYE_TIMEOUT:
             return run, actions
         end = replace(run.end, silent=tuple(waited_for))
-        how = ": ".join(filter(None, [end.status, end.message]))
-        over = RunEvent(EventKind.END, max(run.progress, 0), OWN_HOST, sendable(how))
-        return run._replace(stage=Stage.OVER, end=end), [*actions, Tell(over), end]
+        over = Tell(end_event(OWN_HOST, run, end))
+        return run._replace(stage=Stage.OVER, end=end), [*actions, over, end]
 
     # The texts; a replay has others.
 

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from enum import StrEnum
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from cacc_platoon.runs.info import EndStatus, HostInfo
-from cacc_platoon.scenario.run_event import EventKind
+from cacc_platoon.scenario.run_event import EventKind, RunEvent
+from cacc_platoon.scenario.timeline import Change
 from cacc_platoon.stepping.deliveries import DOUBT
 from cacc_platoon.supervision.belief import FOREIGN
-from cacc_platoon.supervision.protocol import HostPhase, HostState, RunPhase
+from cacc_platoon.supervision.protocol import HostPhase, HostState, RunPhase, sendable
 from cacc_platoon.supervision.run_events import (
     Action,
     EndRun,
@@ -188,6 +189,18 @@ def with_news(run: Run, state: HostState, *, stops: bool) -> tuple[Run, list[Act
         return run, told
     first = min(collisions if run.collided is None else [run.collided, *collisions])
     return run._replace(collided=first), [*told, PublishStatus()]
+
+
+def with_changes(run: Run, changes: Iterable[Change]) -> tuple[Run, list[Action]]:
+    """Return the run after everybody is told of planned changes at which all have arrived."""
+    due = [change for change in changes if run.told < change.sample <= run.progress]
+    return run._replace(told=run.progress), [Tell(change.event) for change in due]
+
+
+def end_event(node: str, run: Run, end: EndRun) -> RunEvent:
+    """Return what a node says of the end of a run."""
+    how = ": ".join(filter(None, [end.status, end.message]))
+    return RunEvent(EventKind.END, max(run.progress, 0), node, sendable(how))
 
 
 def spoiled(run: Run) -> tuple[Run, list[Action]]:
