@@ -68,6 +68,7 @@ from cacc_platoon.supervision.run_state import (
     warn,
     whose_process,
     with_changes,
+    with_heartbeat,
     with_news,
 )
 from msg_adapters.topics import PlatoonTopics
@@ -76,8 +77,6 @@ GOODBYE_TIMEOUT = 3.0
 """How long hosts may take to close their parts [s]."""
 GRAPH_PERIOD = 0.5
 """How often the graph is looked at [s]; every look takes time."""
-HEARTBEAT_PERIOD = 0.2
-"""How often the supervisor says that it lives [s]."""
 OWN_HOST = "supervisor"
 """Name of the host in the supervisor's process."""
 
@@ -174,7 +173,7 @@ class RunMachine:
             case Recorded(host, sample):
                 step = self._take_recorded(run, host, sample, now)
             case Tick():
-                step = self._with_heartbeat(*self._judge(run, now), now)
+                step = with_heartbeat(*self._judge(run, now), now)
             case HostReported(state):
                 step = self._take_host(run, state)
             case GraphObserved():
@@ -351,16 +350,6 @@ class RunMachine:
     @staticmethod
     def _look_now_and_then(run: Run, now: float) -> list[Action]:
         return [ObserveGraph()] if now - run.graph_checked > GRAPH_PERIOD else []
-
-    @staticmethod
-    def _with_heartbeat(run: Run, actions: list[Action], now: float) -> Step:
-        silent = run.stage in (Stage.LOOKING, Stage.OVER)
-        due = now - run.status_published > HEARTBEAT_PERIOD and not silent
-        if due and PublishStatus() not in actions:
-            actions = [PublishStatus(), *actions]
-        if PublishStatus() in actions:
-            run = run._replace(status_published=now)
-        return run, actions
 
     # How a run ends.
 

@@ -23,6 +23,8 @@ from cacc_platoon.supervision.run_events import (
     Warn,
 )
 
+HEARTBEAT_PERIOD = 0.2
+"""How often the supervisor says that it lives [s]."""
 NAMED_FAILURES = 3
 """So many failures are named in the message; others follow from them."""
 MOST_WARNINGS = 20
@@ -189,6 +191,17 @@ def with_news(run: Run, state: HostState, *, stops: bool) -> tuple[Run, list[Act
         return run, told
     first = min(collisions if run.collided is None else [run.collided, *collisions])
     return run._replace(collided=first), [*told, PublishStatus()]
+
+
+def with_heartbeat(run: Run, actions: list[Action], now: float) -> tuple[Run, list[Action]]:
+    """Return the run and the actions, and the status too when that is due."""
+    silent = run.stage in (Stage.LOOKING, Stage.OVER)
+    due = now - run.status_published > HEARTBEAT_PERIOD and not silent
+    if due and PublishStatus() not in actions:
+        actions = [PublishStatus(), *actions]
+    if PublishStatus() in actions:
+        run = run._replace(status_published=now)
+    return run, actions
 
 
 def with_changes(run: Run, changes: Iterable[Change]) -> tuple[Run, list[Action]]:

@@ -57,11 +57,10 @@ from cacc_platoon.supervision.run_events import (
 from cacc_platoon.supervision.run_machine import (
     GOODBYE_TIMEOUT,
     GRAPH_PERIOD,
-    HEARTBEAT_PERIOD,
     OWN_HOST,
     RunMachine,
 )
-from cacc_platoon.supervision.run_state import Stage, some
+from cacc_platoon.supervision.run_state import HEARTBEAT_PERIOD, Stage, some
 from msg_adapters.topics import Graph
 
 RUN = "f00d"
