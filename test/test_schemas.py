@@ -31,6 +31,7 @@ from cacc_platoon.runs.info import HostInfo, RunInfo
 from cacc_platoon.runs.parts import PartWriter
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import format_scenario
+from cacc_platoon.scenario.run_event import EventKind, RunEvent
 from cacc_platoon.scenario.schema import scenario_schema
 from cacc_platoon.supervision.protocol import (
     HostPhase,
@@ -92,6 +93,7 @@ HOST_STATES = [
         missing=("vehicle_2/vehicle: no publisher of /platoon/vehicle_1/pose",),
         failure="the disk is full",
         parameters={"vehicle_2/vehicle": {"run.step": 0.01, "vehicle.tau": [0.1, 0.2]}},
+        events=(RunEvent(EventKind.COLLISION, 12, "vehicle_2/vehicle"),),
     )
     for phase in HostPhase
 ]
@@ -124,6 +126,10 @@ def documents(tmp_path_factory, bags):
         "layouts": [printed("layout", "--json", str(folder / "noisy"))],
         "part": [part(folder / "part")],
         "host_state": [json.loads(state.to_json()) for state in HOST_STATES],
+        "event": [
+            json.loads(line)
+            for line in (folder / "crash" / "events.jsonl").read_text().splitlines()
+        ],
         "status": [json.loads(status.to_json()) for status in STATUSES],
     }
     return json.loads(json.dumps(found, allow_nan=False))
@@ -275,6 +281,9 @@ def test_the_version_is_the_one_of_the_code(documents, name):
         (HOST_STATES[0], "records", [1]),
         (HOST_STATES[0], "phase", "running"),
         (HOST_STATES[0], "failure", "x" * 10_001),
+        (HOST_STATES[0], "events", [{"kind": "change", "sample": -1, "node": "a", "text": ""}]),
+        (HOST_STATES[0], "events", [{"kind": "rest", "sample": 1, "node": "a", "text": ""}]),
+        (HOST_STATES[0], "events", [{"kind": "change", "sample": 1, "node": "", "text": ""}]),
         (HOST_STATES[0], "parameters", {"vehicle_1/vehicle": {"run.step": None}}),
         (HOST_STATES[0], "parameters", {"vehicle_1/vehicle": {"run.step": [[0.01]]}}),
         (STATUSES[0], "run", ""),
@@ -291,6 +300,12 @@ def test_the_schemas_of_messages_refuse_what_the_software_refuses(record, key, v
         type(record).from_json(json.dumps(message))
     name = "host_state" if isinstance(record, HostState) else "status"
     assert list(validator(name).iter_errors(message))
+
+
+def test_the_kinds_of_the_schemas_are_those_of_the_software():
+    item = SCHEMAS["host_state"]["properties"]["events"]["items"]
+    for schema in (item, SCHEMAS["event"]):
+        assert schema["properties"]["kind"]["enum"] == list(EventKind)
 
 
 @pytest.mark.parametrize(("name", "phases"), [("host_state", HostPhase), ("status", RunPhase)])

@@ -291,6 +291,7 @@ CHANGED = {
     "controller.k_v": 0.65625,
     "controller.k_p": 0.015625,
     "controller.law": "changed_parts:law",
+    "controller.headway_rate": 0.09375,
     "v2v.rho": 8.0,
     "v2v.noise": "expected",
     "v2v.bit_probabilities": (0.125, 0.8125),
@@ -342,6 +343,9 @@ CHANGED = {
     "run.hosts": 2,
     "run.spawn": False,
     "run.manual_nodes": ("vehicle_4/vehicle", "vehicle_5/noise_relay"),
+    "run.timeline": ("1 link_5 v2v.loss=0.375",),
+    "run.adjustable": True,
+    "run.stop_on_collision": False,
     "run.window": 63,
     "run.start_timeout": 31.5,
     "run.stall_timeout": 11.5,
@@ -349,7 +353,12 @@ CHANGED = {
     "record.spacing_error": True,
     "record.parts": "parts",
 }
-OWN = {"controller.k_v": 0.71875, "v2v.noise": "bits", "v2v.bit_probabilities": (0.34375, 0.5)}
+OWN = {
+    "v2v.channel": "",
+    "controller.k_v": 0.71875,
+    "v2v.noise": "bits",
+    "v2v.bit_probabilities": (0.34375, 0.5),
+}
 
 
 OWN_PARTS = """
