@@ -13,6 +13,7 @@ SEED := 1
 COUNT := 500
 FAULTS := 200
 DESIGNS := 200
+CHANNELS := 45
 
 OLDEST := .venv-oldest
 OLDEST_STAMP := $(OLDEST)/made_in
@@ -68,10 +69,11 @@ $(OLDEST_STAMP): setup.py pyproject.toml test/oldest.txt
 	  --constraint test/oldest.txt -e '.[ros,test]'; \
 	printf '%s' '$(CURDIR)' >$@
 
-campaign: setup ## search for what breaks a rule: COUNT=500 hostile inputs of each kind, FAULTS=200 of platoons, DESIGNS=200
+campaign: setup ## search for what breaks a rule: COUNT=500 hostile inputs of each kind, FAULTS=200 of platoons, DESIGNS=200, CHANNELS=45
 	$(BIN)/python test/campaign/inputs.py --seed $(SEED) --count $(COUNT)
 	$(BIN)/python test/campaign/faults.py --seed $(SEED) --count $(FAULTS)
 	$(BIN)/python test/campaign/designs.py --seed $(SEED) --count $(DESIGNS)
+	$(BIN)/python test/campaign/channels.py --seed $(SEED) --count $(CHANNELS)
 
 coverage: setup ## run every test and print how much of the code ran, in subprocesses too
 	$(BIN)/coverage erase

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -75,10 +76,15 @@ def monte_carlo(scenario: Scenario, runs: int, progress: Progress | None = None)
 def _batch(scenario: Scenario, seeds: range) -> tuple[Array, Array]:
     """Return the spacing errors of a batch, (samples, len(seeds), N), and its squared ranges."""
     first = scenario.run.seed
-    members = [scenario.with_values({"run.seed": first + offset}) for offset in seeds]
+    members = [_seeded(scenario, first + offset) for offset in seeds]
     links = links_of_runs(members)
     states = propagate(scenario, links, runs=len(seeds), sensors=Sensors.of(members))
     sent = states[2][:, :, scenario.topology.senders]
     used, _ = used_of(links, states)
     widths = squared_ranges(scenario, sent, used)
     return spacing_errors(scenario, *states[:2]), widths.sum(axis=1)
+
+
+def _seeded(scenario: Scenario, seed: int) -> Scenario:
+    """Return the scenario with a seed, unchecked: a run cut short may end before its changes."""
+    return dataclasses.replace(scenario, run=dataclasses.replace(scenario.run, seed=seed))

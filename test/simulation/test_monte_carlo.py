@@ -77,6 +77,13 @@ def test_an_ensemble_is_of_the_scenario_as_it_is(values):
     assert np.max(deviation) < 4.5
 
 
+def test_an_ensemble_is_of_a_run_that_ended_before_a_change_that_was_planned():
+    planned = SHORT.with_values({"run.timeline": ["6 link_2 v2v.loss=1"]})
+    cut = dataclasses.replace(planned, run=dataclasses.replace(planned.run, duration=4.0))
+    whole = SHORT.with_values({"run.duration": 4.0})
+    np.testing.assert_array_equal(monte_carlo(cut, 5).low, monte_carlo(whole, 5).low)
+
+
 def test_one_run_has_no_spread():
     ensemble = monte_carlo(SHORT, runs=1)
     assert np.all(ensemble.standard_error == 0.0)

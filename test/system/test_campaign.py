@@ -27,3 +27,7 @@ def test_recommended_designs_keep_all_that_is_asked() -> None:
 
 def test_faults_of_platoons_break_no_rule() -> None:
     assert "2 faults, 0 with something wrong" in searched("faults.py", 2)
+
+
+def test_channels_have_one_digest_whatever_disturbs_them() -> None:
+    assert "2 tries, 0 with something wrong" in searched("channels.py", 2)
