@@ -45,8 +45,6 @@ PublishAcceleration = Callable[[int, float], None]
 PublishCount = Callable[[int, int], None]
 Tell = Callable[[RunEvent], None]
 _Motion = tuple[float, float, float, float]
-_NEVER = 2**62
-"""A stamp at which nothing is due."""
 
 
 class Sequence:
@@ -142,7 +140,9 @@ class LockstepFollower:
             else PromptInbox()
             for _ in links
         ]
-        self._inbox = self._inboxes[0] if len(links) == 1 else JointInbox(self._inboxes)
+        self._inbox: Inbox | JointInbox = (
+            self._inboxes[0] if len(links) == 1 else JointInbox(self._inboxes)
+        )
         self._counts = [0 for _ in links]
         self._count_sequences = [
             Sequence(f"{self._name}: v2v/complete of {vehicle_name(link.sender)}", self._step_ns)
@@ -206,9 +206,8 @@ class LockstepFollower:
         self._prepares = bool(self._headways or self._sensor)
 
     def _advance(self) -> None:
-        inbox = self._inbox
-        while self._positions and self._velocities and self._stamp in inbox:
-            used = inbox.pop(self._stamp)
+        while self._positions and self._velocities and self._stamp in self._inbox:
+            used = self._inbox.pop(self._stamp)
             self._step(self._positions.popleft(), self._velocities.popleft(), used)
 
     def _step(self, position: float, velocity: float, used: Used) -> None:
@@ -249,7 +248,7 @@ class LockstepFollower:
         if position - state.position <= self._length_ahead:
             node = str(NodeName(NodeKind.VEHICLE, self._follower.index))
             self._tell(RunEvent(EventKind.COLLISION, stamp // self._step_ns, node))
-            self._stamp = _NEVER
+            self._inbox = PromptInbox()  # in which nothing comes
         elif stamp < self._end:
             self._state = self._advance_plant(state, command)
             self._publish_state(self._stamp, self._state)

@@ -128,6 +128,17 @@ def test_a_received_acceleration_that_is_there_already_is_refused() -> None:
         core.take_acceleration(STEP + 1, 0.0)
 
 
+def test_a_vehicle_that_has_collided_takes_what_still_comes_and_does_nothing() -> None:
+    published: list[tuple[int, State[float]]] = []
+    core = follower_1(published)
+    for k in range(5):
+        core.take_acceleration(k * STEP, 0.0)
+        core.take_position(k * STEP, 0.0 if k < 2 else -100.0)
+        core.take_velocity(k * STEP, 25.0)
+    assert [stamp for stamp, _ in published] == [0, STEP, 2 * STEP]
+    assert core.next_sample == 3
+
+
 @pytest.mark.parametrize("name", ["position", "velocity", "acceleration"])
 @pytest.mark.parametrize("value", [math.nan, math.inf])
 def test_what_is_not_finite_is_refused_by_name(name: str, value: float) -> None:
