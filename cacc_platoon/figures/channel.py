@@ -10,7 +10,7 @@ from cacc_platoon.analysis.age import information_age
 from cacc_platoon.analysis.fallback import reception_state
 from cacc_platoon.analysis.noise import LinkNoise, noise_factor
 from cacc_platoon.figures.style import BLUE, GREY, ORANGE, RED, Axes, reduce
-from cacc_platoon.model import Link, ReceptionState
+from cacc_platoon.model import Link, ReceptionState, factor_interval
 from cacc_platoon.simulation import Trajectory
 
 _BESIDE = 0.2
@@ -32,7 +32,7 @@ def plot_noise(noise: Axes, signal: Axes, run: Trajectory, follower: int) -> Non
     column = run.scenario.topology.links.index(Link(follower - 1, follower))
     factor = noise_factor(run)[:, column]
     noise.plot(*reduce(run.time, factor), color=BLUE, linewidth=0.4)
-    for limit in (1.0 - 1.0 / rho, 1.0 + 1.0 / rho):
+    for limit in factor_interval(rho):
         noise.axhline(limit, color=RED, linestyle="--", linewidth=1.0)
     noise.set_ylabel("noise factor $w$ [-]")
     noise.set_title(rf"link {follower - 1} to {follower}; dashed: $1 - 1/\rho$ and $1 + 1/\rho$")

@@ -31,6 +31,7 @@ from cacc_platoon.model import (
     Lattice,
     Limits,
     Link,
+    MonitoredReception,
     Noise,
     PacketSource,
     RandomLatency,
@@ -48,6 +49,7 @@ from cacc_platoon.model.latency import gamma_delay, uniform_delay
 from cacc_platoon.model.limits import Limit
 from cacc_platoon.model.send_rule import MOST_TIME
 from cacc_platoon.scenario.false_data import forgery
+from cacc_platoon.scenario.monitor import assumption_monitor
 from cacc_platoon.scenario.plugin import make_plugin
 from cacc_platoon.scenario.table import TABLE, Vehicle
 from cacc_platoon.scenario.table import Sensing as SensingValues
@@ -308,7 +310,8 @@ class Follower:
     def counted(self) -> bool:
         """Whether its relay counts packets: they may be lost or late, or its receiver may ask."""
         custom = self.v2v.channel or self.v2v.receiver
-        return bool(custom) or self.triggered or not self._composed().prompt
+        watched = self.v2v.monitor != "none"
+        return bool(custom) or watched or self.triggered or not self._composed().prompt
 
     @property
     def _longest_interval(self) -> int:
@@ -341,8 +344,21 @@ class Follower:
             gains_without_v2v(self.tau_max, headway), self.standstill_distance
         )
 
+    @property
+    def monitored(self) -> bool:
+        """Whether it compares the packets of the link with what it measures of their sender."""
+        return self.v2v.monitor != "none" and self.link.sender == self.link.receiver - 1
+
     def reception(self) -> Reception:
-        """Return what the vehicle makes of packets; v2v.receiver may name something else."""
+        """Return what the vehicle makes of packets, with its monitor if it has one."""
+        if self.monitored:
+            acts = self.v2v.monitor == "fallback"
+            monitor = assumption_monitor(self.v2v, self.sensing(), self.step)
+            return MonitoredReception(self.plain_reception(), monitor, acts)
+        return self.plain_reception()
+
+    def plain_reception(self) -> Reception:
+        """Return that without a monitor; v2v.receiver may name something else."""
         if self.v2v.receiver:
             made: Reception = make_plugin(self.v2v.receiver, "v2v.receiver", self, ("use",))
             return made

@@ -157,7 +157,7 @@ class CountedInbox:
         self._receiver = receiver
         self._reception, self._step = reception, step_ns
         self._deliveries: CountedDeliveries[tuple[int, float]] = CountedDeliveries()
-        self._ready: dict[int, Used] = {}
+        self._ready: dict[int, list[tuple[int, float]]] = {}
 
     def __contains__(self, stamp: object) -> bool:
         """Whether it is known what to use at a sample."""
@@ -175,7 +175,9 @@ class CountedInbox:
 
     def pop(self, stamp: int) -> Used:
         """Return what to use at a sample, and forget it."""
-        return self._ready.pop(stamp)
+        reception = self._reception
+        value = reception.use(self._ready.pop(stamp))
+        return (value,), getattr(reception, "share", 1.0), getattr(reception, "state", 0)
 
     def _settle(self) -> None:
         for stamp, packets in self._deliveries.settled():
@@ -185,10 +187,7 @@ class CountedInbox:
                     "sent: a message comes from another publisher; "
                     f"{doubtful_from(stamp // self._step)}"
                 )
-            reception = self._reception
-            value = reception.use(packets)
-            share, state = getattr(reception, "share", 1.0), getattr(reception, "state", 0)
-            self._ready[stamp] = ((value,), share, state)
+            self._ready[stamp] = packets
 
 
 class JointInbox:

@@ -15,6 +15,7 @@ from cacc_platoon.model import (
     Channel,
     ControlLaw,
     LeaderProfile,
+    MonitoredReception,
     Sensor,
     State,
     ThirdOrderPlant,
@@ -30,7 +31,6 @@ from cacc_platoon.stepping.deliveries import (
     JointInbox,
     LockstepError,
     PromptInbox,
-    Used,
     doubtful_from,
     lost_or_foreign,
     seconds,
@@ -39,6 +39,7 @@ from cacc_platoon.stepping.deliveries import (
 PublishState = Callable[[int, State[float]], None]
 PublishCommand = Callable[[int, float, float, float], None]
 PublishReception = Callable[[int, int, float], None]
+PublishMonitor = Callable[[int, bool, float], None]
 PublishAcceleration = Callable[[int, float], None]
 PublishCount = Callable[[int, int], None]
 
@@ -77,6 +78,8 @@ class LockstepFollower:
         Replaces the constant time headway law.
     publish_reception : callable, optional
         Called with stamp [ns], state of the reception and share of the law for every step.
+    publish_monitor : callable, optional
+        Called with stamp [ns], alarm and excess [m/s] of the monitor, if there is one, likewise.
     initial : State, optional
         State at sample 0; by default in equilibrium behind the predecessor.
     """
@@ -90,6 +93,7 @@ class LockstepFollower:
         law: ControlLaw | None = None,
         *,
         publish_reception: PublishReception | None = None,
+        publish_monitor: PublishMonitor | None = None,
         initial: State[float] | None = None,
     ) -> None:
         self._step_ns = scenario.step_ns
@@ -107,7 +111,7 @@ class LockstepFollower:
             follower.gains.time_headway * self._speed
         )
         self._publish_state, self._publish_command = publish_state, publish_command
-        self._publish_reception = publish_reception
+        self._publish_reception, self._publish_monitor = publish_reception, publish_monitor
         self._initial = initial
         self._state: State[float] | None = None
         self._stamp = 0
@@ -119,11 +123,12 @@ class LockstepFollower:
         self._velocities: deque[float] = deque()
         self._counted = follower.counted
         links = scenario.topology.links_to(follower.index)
+        receptions = [follower.on(link).reception() for link in links]
+        monitored = [one for one in receptions if isinstance(one, MonitoredReception)]
+        self._monitored = monitored[0] if monitored else None
         self._inboxes: list[Inbox] = [
-            CountedInbox(follower.reception(), self._step_ns, self._name)
-            if self._counted
-            else PromptInbox()
-            for _ in links
+            CountedInbox(one, self._step_ns, self._name) if self._counted else PromptInbox()
+            for one in receptions
         ]
         self._inbox = self._inboxes[0] if len(links) == 1 else JointInbox(self._inboxes)
         self._counts = [0 for _ in links]
@@ -177,20 +182,17 @@ class LockstepFollower:
     def _advance(self) -> None:
         inbox = self._inbox
         while self._positions and self._velocities and self._stamp in inbox:
-            used = inbox.pop(self._stamp)
-            self._step(self._positions.popleft(), self._velocities.popleft(), used)
+            self._step(self._positions.popleft(), self._velocities.popleft())
 
-    def _step(self, position: float, velocity: float, used: Used) -> None:
+    def _step(self, position: float, velocity: float) -> None:
         state = self._state
         assert state is not None
         stamp = self._stamp
         self._stamp = stamp + self._step_ns
-        received, share, reception = used
         motion = state.position, state.velocity, position, velocity
         if self._sensor:
             motion = (*motion[:2], *self._sensor.ahead(motion[:2], motion[2:]))
-        if self._publish_reception:
-            self._publish_reception(stamp, reception, share)
+        received, share = self._receive(stamp, motion[1], motion[3])
         try:
             command = self._law.command(*motion, *received)
             if share < 1.0:
@@ -222,6 +224,18 @@ class LockstepFollower:
             after = self._plant.advance(state, command)
             self._state = standing(state, after) if self._stops else after
             self._publish_state(self._stamp, self._state)
+
+    def _receive(self, stamp: int, own: float, ahead: float) -> tuple[tuple[float, ...], float]:
+        """Return what is used of each link at a sample, and the share of the law in the command."""
+        if self._monitored:
+            self._monitored.measure(own, ahead)
+        received, share, reception = self._inbox.pop(stamp)
+        if self._publish_reception:
+            self._publish_reception(stamp, reception, share)
+        if self._monitored and self._publish_monitor:
+            monitor = self._monitored.monitor
+            self._publish_monitor(stamp, monitor.alarm, monitor.excess)
+        return received, share
 
 
 class LockstepRelay:

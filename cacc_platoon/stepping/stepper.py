@@ -19,6 +19,7 @@ from cacc_platoon.stepping.lockstep import (
     PublishAcceleration,
     PublishCommand,
     PublishCount,
+    PublishMonitor,
     PublishReception,
     PublishState,
 )
@@ -96,6 +97,7 @@ class Steppers:
         publish_command: PublishCommand | None = None,
         *,
         publish_reception: PublishReception | None = None,
+        publish_monitor: PublishMonitor | None = None,
         law: ControlLaw | None = None,
         initial: State[float] | None = None,
     ) -> FollowerStepper:
@@ -107,6 +109,7 @@ class Steppers:
             publish_command,
             law,
             publish_reception=publish_reception,
+            publish_monitor=publish_monitor,
             initial=initial,
         )
 
