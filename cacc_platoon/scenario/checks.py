@@ -270,11 +270,8 @@ def _check_monitor(follower: Follower, step: float, source: str) -> None:
     def refuse(name: str, value: object, rule: str) -> ScenarioError:
         return TABLE[name].refusal(value, source, rule)
 
-    if v2v.receiver:
-        rule = "must be none where v2v.receiver names a reception, which may watch packets itself"
-        raise refuse("v2v.monitor", v2v.monitor, rule)
     if v2v.monitor == "fallback" and not follower.fallback_law():
-        raise refuse("v2v.monitor", v2v.monitor, "needs v2v.reception = fallback to fall back to")
+        raise refuse("v2v.monitor", v2v.monitor, "needs v2v.reception = fallback to act by")
     if v2v.monitor_window < step * (1.0 - WHOLE):
         rule = f"must be at least run.step = {step:g} s"
         raise refuse("v2v.monitor_window", v2v.monitor_window, rule)

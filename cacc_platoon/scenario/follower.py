@@ -351,11 +351,17 @@ class Follower:
 
     def reception(self) -> Reception:
         """Return what the vehicle makes of packets, with its monitor if it has one."""
-        if self.monitored:
-            acts = self.v2v.monitor == "fallback"
-            monitor = assumption_monitor(self.v2v, self.sensing(), self.step)
-            return MonitoredReception(self.plain_reception(), monitor, acts)
-        return self.plain_reception()
+        return self._watching(self.plain_reception())
+
+    def watching_reception(self) -> Reception:
+        """Return one that does no more than `reception` to say what its monitor says."""
+        return self._watching(HoldReception())
+
+    def _watching(self, reception: Reception) -> Reception:
+        if not self.monitored:
+            return reception
+        monitor = assumption_monitor(self.v2v, self.sensing(), self.step)
+        return MonitoredReception(reception, monitor, acts=self.v2v.monitor == "fallback")
 
     def plain_reception(self) -> Reception:
         """Return that without a monitor; v2v.receiver may name something else."""

@@ -45,7 +45,8 @@ class Arrivals(NamedTuple):
         """
         samples = len(measured[0])
         if receiver.v2v.receiver:
-            return ReceptionHistory(np.full(samples, np.nan), None, None)
+            known = self.history(receiver.watching_reception(), samples, measured)
+            return ReceptionHistory(np.full(samples, np.nan), None, None, known.alarm)
         return self.history(receiver.reception(), samples, measured)
 
     def history(
