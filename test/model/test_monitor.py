@@ -1,4 +1,4 @@
-"""The assumption monitor: silent on whatever keeps the assumption, and how soon on what does not."""
+"""The assumption monitor: silent on what keeps the assumption, and how soon on what does not."""
 
 import math
 
@@ -52,7 +52,7 @@ def at_an_end(rng, rho, samples):
 
 def deliveries(rng, received, interval=1, loss=0.0, latest=0):
     """Return the packets delivered at each sample, some of them lost, late and overtaken."""
-    delivered = [[] for _ in received]
+    delivered: list[list[tuple[int, float]]] = [[] for _ in received]
     for source in range(0, len(received), interval):
         k = source + int(rng.integers(0, latest + 1))
         if k < len(received) and rng.random() >= loss:
@@ -88,14 +88,10 @@ def test_no_alarm_whatever_w_within_the_interval_is(seed, rho, tau, window):
 @given(
     seed=st.integers(0, 2**32),
     rho=RHO,
-    interval=st.integers(1, 100),
-    loss=st.floats(0.0, 0.9),
-    latest=st.integers(0, 30),
+    packets=st.tuples(st.integers(1, 100), st.floats(0.0, 0.9), st.integers(0, 30)),
     delay=st.integers(0, 20),
 )
-def test_nor_when_packets_are_rare_lost_late_wrong_and_seen_with_noise(
-    seed, rho, interval, loss, latest, delay
-):
+def test_nor_when_packets_are_rare_lost_late_wrong_and_seen_with_noise(seed, rho, packets, delay):
     rng = np.random.default_rng(seed)
     velocity, acceleration = jerky(rng, 800)
     said = Lattice(0.1).nearest(acceleration + rng.uniform(-0.2, 0.2, 800))
@@ -103,7 +99,7 @@ def test_nor_when_packets_are_rare_lost_late_wrong_and_seen_with_noise(
     seen = velocity + rng.choice([-0.05, 0.05], 800)
     allowed = Allowances(rho, velocity=0.1, acceleration=0.25, jerk=JERK)
     monitor = AssumptionMonitor(allowed, T, 200, delay)
-    delivered = deliveries(rng, received, interval, loss, latest)
+    delivered = deliveries(rng, received, *packets)
     alarms, _ = watch(monitor, seen, delivered, delay)
     assert not alarms.any()
 
