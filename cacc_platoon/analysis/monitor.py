@@ -96,9 +96,9 @@ def _use(follower: Follower, alarm: npt.NDArray[np.bool_], run: Trajectory) -> M
         inside = (ends > one.begin) & (begins < one.end + until)
         due |= inside & (begins >= one.begin)
         first = np.maximum(begins[inside], one.begin)
-        delay = float(first[0] - one.begin) * step if first.size else np.nan
-        detections.append(Detection(one.begin * step, one.end * step, delay))
-    spans = tuple((float(b) * step, float(e) * step) for b, e in zip(begins, ends, strict=True))
+        delay = _seconds(first[0] - one.begin, step) if first.size else np.nan
+        detections.append(Detection(_seconds(one.begin, step), _seconds(one.end, step), delay))
+    spans = tuple((_seconds(b, step), _seconds(e, step)) for b, e in zip(begins, ends, strict=True))
     return MonitorUse(
         follower.index,
         float(alarm.mean()),
@@ -109,6 +109,11 @@ def _use(follower: Follower, alarm: npt.NDArray[np.bool_], run: Trajectory) -> M
         tuple(detections),
         spans,
     )
+
+
+def _seconds(samples: float, step: float) -> float:
+    """Return the time of so many samples, without the rounding of a product."""
+    return round(float(samples) * step, 9)
 
 
 def monitor_line(used: MonitorUse) -> str:

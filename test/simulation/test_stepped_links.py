@@ -133,10 +133,8 @@ def test_what_a_monitor_publishes_is_what_is_worked_out_from_the_run(name):
 
 
 def test_a_monitor_that_reports_changes_nothing_and_one_that_acts_prevents_a_collision():
-    quiet, reports, acts = (
-        simulate(scenario(WATCHED, {"v2v.monitor": mode}))
-        for mode in ("none", "report", "fallback")
-    )
+    modes = "none", "report", "fallback"
+    quiet, reports, acts = (simulate(scenario(WATCHED, {"v2v.monitor": mode})) for mode in modes)
     np.testing.assert_array_equal(np.stack(quiet.motion), np.stack(reports.motion))
     assert alarms(quiet) == {}
     assert set(alarms(reports)) == {1, 2, 3}
