@@ -59,13 +59,15 @@ SENSORS: dict[str, Values] = {
     "0.1 m/s": {"sensing.range_rate_std": 0.1},
     "0.1 m/s, 50 ms late": {"sensing.range_rate_std": 0.1, "sensing.delay": 0.05},
 }
+MARGIN = Scenario.from_values({}).follower(1).v2v.monitor_margin
 QUIET = (
-    *(("rho = 5", sensor) for sensor in SENSORS),
-    *(("rho = 2", "0.1 m/s"), ("rho = 20", "0.1 m/s")),
-    ("rho = 5, 30 % lost, 50 to 100 ms late", "0.1 m/s, 50 ms late"),
-    *(("CAM", "perfect"), ("CAM, 10 % lost", "0.1 m/s, 50 ms late")),
+    *(("rho = 5", sensor, MARGIN) for sensor in SENSORS),
+    *(("rho = 2", "0.1 m/s", MARGIN), ("rho = 20", "0.1 m/s", MARGIN)),
+    ("rho = 5, 30 % lost, 50 to 100 ms late", "0.1 m/s, 50 ms late", MARGIN),
+    *(("CAM", "perfect", MARGIN), ("CAM, 10 % lost", "0.1 m/s, 50 ms late", MARGIN)),
+    *(("rho = 5", "0.1 m/s", margin) for margin in (5.0, 4.0, 3.0)),
 )
-"""Packets and sensors of the runs in which nothing is false."""
+"""Packets, sensors and v2v.monitor_margin of the runs in which nothing is false."""
 
 TIMED = (("rho = 5", "perfect"), ("rho = 5", "0.1 m/s"), ("CAM, 10 % lost", "0.1 m/s, 50 ms late"))
 ATTACKS = ("factor=3", "factor=1.5", "factor=-1", "replay=3", "frozen")
@@ -133,10 +135,10 @@ def watched(values: Values) -> Watched:
     return Watched(run, monitor_use(dataclasses.replace(run, scenario=one, arrivals=arrivals)))
 
 
-def false_alarms(size: Size, channel: str, sensor: str) -> dict[str, Any]:
+def false_alarms(size: Size, channel: str, sensor: str, margin: float) -> dict[str, Any]:
     """Count the alarms of runs in which nothing is false."""
-    values = {**CHANNELS[channel], **SENSORS[sensor], "platoon.followers": size.followers}
-    values |= drive(0.0, size.duration)
+    values = {**CHANNELS[channel], **SENSORS[sensor], **drive(0.0, size.duration)}
+    values |= {"platoon.followers": size.followers, "v2v.monitor_margin": margin}
     used = [
         one
         for seed in range(1, size.seeds + 1)
@@ -145,6 +147,7 @@ def false_alarms(size: Size, channel: str, sensor: str) -> dict[str, Any]:
     return {
         "channel": channel,
         "sensor": sensor,
+        "margin": margin,
         "hours": len(used) * size.duration / 3600.0,
         "alarms": sum(one.alarms for one in used),
     }
@@ -209,11 +212,12 @@ def measure(size: Size, progress: ProgressLine | None = None) -> dict[str, Any]:
 def tables(found: Mapping[str, Any]) -> str:
     """Return both tables as Markdown."""
     lines = [
-        "| packets | range rate measured | vehicle hours | false alarms |",
-        "|---|---|---|---|",
+        "| packets | range rate measured | margin | vehicle hours | false alarms |",
+        "|---|---|---|---|---|",
     ]
     lines += [
-        f"| {one['channel']} | {one['sensor']} | {one['hours']:g} | {one['alarms']} |"
+        f"| {one['channel']} | {one['sensor']} | {one['margin']:g} | {one['hours']:g} | "
+        f"{one['alarms']} |"
         for one in found["false_alarms"]
     ]
     lines += [
