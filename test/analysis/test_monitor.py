@@ -54,6 +54,8 @@ def test_alarms_outside_of_false_data_are_false_ones():
     first, second, _ = monitor_use(simulate(scenario(noisy)))
     assert first.false_alarms == first.alarms > 10
     assert 10 < second.false_alarms < second.alarms
+    usual = monitor_use(simulate(scenario({"sensing.range_rate_std": 0.1})))
+    assert [one.false_alarms for one in usual] == [0, 0, 0]
 
 
 def test_in_the_mean_there_is_no_packet_to_watch():

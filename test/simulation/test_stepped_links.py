@@ -32,7 +32,7 @@ GILBERT = {
 }
 WATCHED = {
     **BRAKE,
-    **{"v2v.reception": "fallback", "v2v.monitor": "fallback", "v2v.blackouts": (30.0, 32.0)},
+    **{"v2v.reception": "fallback", "v2v.monitor": "fallback", "v2v.blackouts": ()},
     "v2v.false_data": ("11 14 factor=-1", "25 27 factor=3"),
 }
 RUNS: dict[str, dict[str, Any]] = {
@@ -54,7 +54,7 @@ RUNS: dict[str, dict[str, Any]] = {
     "watched": WATCHED,
     "watched, lossy": {
         **{**WATCHED, **CAM, **GILBERT, "v2v.noise_std": 0.02, "v2v.saturation": 2.0},
-        **{"sensing.delay": 0.03, "sensing.range_rate_std": 0.02, "v2v.monitor_margin": 3.0},
+        **{"sensing.delay": 0.03, "sensing.range_rate_std": 0.1, "v2v.monitor_margin": 1.0},
         "v2v.false_data": ("11 16 factor=-1",),
     },
 }
