@@ -90,6 +90,7 @@ class PlatoonTopics:
         self.status = f"{prefix}/status"
         self.scenario = f"{prefix}/scenario"
         self.host_state = f"{prefix}/host_state"
+        self.events = f"{prefix}/events"
         self.markers = f"{prefix}/markers"
 
     def recorded(self, host: str) -> str:

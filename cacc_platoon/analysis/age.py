@@ -91,6 +91,14 @@ def _sent_at(run: Trajectory, receiver: Follower, column: int, stop: int) -> npt
     return np.flatnonzero(sends[: max(stop, 0)])
 
 
+def _mean_loss(receiver: Follower, sent: npt.NDArray[np.int64]) -> float:
+    """Return the probability of a loss, the mean of the packets that are sent at these samples."""
+    starts, stages = zip(*receiver.stages, strict=True)
+    ends = [*np.searchsorted(sent, starts), len(sent)]
+    packets = np.diff(ends) if len(sent) else np.ones(len(stages))
+    return float(np.average([stage.mean_loss for stage in stages], weights=packets))
+
+
 def _link(
     run: Trajectory, receiver: Follower, column: int, dropped: npt.NDArray[np.bool_]
 ) -> LinkReception:
@@ -113,7 +121,7 @@ def _link(
     age = age[np.isfinite(age)]
     median, p99, largest = np.quantile(age, (0.5, 0.99, 1.0)) if age.size else [math.nan] * 3
     arrived = int(sent[np.unique(arrivals.source)].sum())
-    known, p = int(sent.sum()), receiver.mean_loss
+    known, p = int(sent.sum()), _mean_loss(receiver, np.flatnonzero(sent))
     return LinkReception(
         *receiver.link,
         known,

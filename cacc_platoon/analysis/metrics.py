@@ -19,7 +19,7 @@ from cacc_platoon.analysis.monitor import MonitorUse, monitor_use
 from cacc_platoon.analysis.noise import LinkNoise, link_noise
 from cacc_platoon.model.leader import largest_acceleration, least_accelerations
 from cacc_platoon.simulation import Trajectory
-from cacc_platoon.simulation.trajectory import Array
+from cacc_platoon.simulation.trajectory import Array, first_collision
 
 SETTLING_FRACTION = 0.05
 """A spacing error has settled once it stays within this fraction of its peak."""
@@ -267,11 +267,10 @@ def _length(run: Trajectory) -> PlatoonLength:
 
 
 def _first_collision(run: Trajectory) -> tuple[int, float] | None:
-    touching = run.gap <= 0.0
-    if not touching.any():
+    sample = first_collision(run.gap)
+    if sample is None:
         return None
-    sample = int(np.argmax(touching.any(axis=1)))
-    follower = run.scenario.indices[int(np.argmax(touching[sample]))]
+    follower = run.scenario.indices[int(np.argmax(run.gap[sample] <= 0.0))]
     return follower, float(run.time[sample])
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
+import numpy as np
+
 from cacc_platoon.analysis.age import LinkReception
 from cacc_platoon.analysis.consistency import Consistency
 from cacc_platoon.analysis.content import content_premises
@@ -37,6 +39,7 @@ def broken_premises(
     """Say why a certificate does not cover the run."""
     return [
         *_own_code(scenario),
+        *_changes(scenario),
         *_noise_out_of_range(noise),
         *_bursts_and_blackouts(scenario),
         *content_premises(scenario),
@@ -130,6 +133,40 @@ def _own_code(scenario: Scenario) -> list[str]:
     ]
 
 
+def _changes(scenario: Scenario) -> list[str]:
+    """Name the changes in the course of the run: what is proven is of what was before."""
+    changes = [one for one in scenario.changes if one.sample < scenario.samples]
+    if not changes:
+        return []
+    step, first = scenario.run.step, changes[0]
+    more = f" and {len(changes) - 1} more" if changes[1:] else ""
+    back = restored(scenario)
+    until = "" if back is None else f"; all is as before from {back:g} s on"
+    return [
+        f"parameters change from {first.sample * step:g} s on (run.timeline: {first.text(step)}"
+        f"{more}): what is proven is of those at the beginning{until}"
+    ]
+
+
+def restored(scenario: Scenario) -> float | None:
+    """Return when all that a timeline changes is again what it was [s]; None where it is not."""
+    changes = [one for one in scenario.changes if one.sample < scenario.samples]
+    ends = [0.0]
+    for vehicle, name in {(one.vehicle, one.name) for one in changes}:
+        own = [one for one in changes if (one.vehicle, one.name) == (vehicle, name)]
+        follower = scenario.follower(vehicle)
+        group, _, field = name.partition(".")
+        initial = getattr(follower.v2v if group == "v2v" else follower.gains, field)
+        if own[-1].value != initial:
+            return None
+        end = own[-1].sample
+        moving = follower.headways(scenario.samples) if group == "controller" else None
+        if moving is not None:
+            end = int(np.flatnonzero(moving != initial)[-1]) + 1 if (moving != initial).any() else 0
+        ends.append(end * scenario.run.step)
+    return max(ends)
+
+
 def holds_in_bursts(follower: Follower) -> bool:
     """Return whether it holds the last packet while losses come in bursts."""
     return follower.v2v.burst_begin > 0.0 and follower.holds
@@ -149,7 +186,8 @@ def blackouts(scenario: Scenario) -> list[tuple[float, float]]:
 def holds_again(scenario: Scenario, conduct: Conduct, void: Sequence[str]) -> float | None:
     """Return when all that voids a certificate is over [s], None where that is not within the run.
 
-    Blackouts end, vehicles that fell back come back, and limits act no longer.
+    Blackouts end, vehicles that fell back come back, limits act no longer, and what a timeline
+    changed is again what it was.
 
     Examples
     --------
@@ -158,9 +196,11 @@ def holds_again(scenario: Scenario, conduct: Conduct, void: Sequence[str]) -> fl
     31.5
     """
     dark = [end for _, end in blackouts(scenario)]
+    back_again = restored(scenario) if scenario.changes else None
     back = [one.end for one in conduct.fallback if one.turns]
     free = [one.end for one in conduct.limits if one.share]
-    ends = [max(times) for times in (dark, back, free) if times]
+    same = [] if back_again is None else [back_again]
+    ends = [max(times) for times in (dark, back, free, same) if times]
     over = bool(ends) and len(ends) == len(void) and max(ends) < scenario.run.duration
     return max(ends) if over else None
 

@@ -121,7 +121,7 @@ def standing_of(run: RecordedRun, recomputed: Recomputation | None = None) -> St
         Of the run; by default it is made where it is needed.
     """
     digested = bool(run.digest_recorded)
-    short = run.grid.samples < run.scenario.samples
+    short = run.grid.samples < run.scenario.samples and not run.trajectory.ends_in_collision
     found: list[tuple[DataState, str]] = [*_unfinished(run)]
     if run.altered_scenario:
         found.append((DataState.ALTERED, run.altered_scenario))
@@ -136,7 +136,10 @@ def standing_of(run: RecordedRun, recomputed: Recomputation | None = None) -> St
     beyond = tuple(_beyond_checks(run.scenario, digested))
     if found:
         return Standing(found[0][0], "; ".join(what for _, what in found), beyond)
-    return Standing(DataState.INTACT, _BY_DIGEST if digested else _BY_SCENARIO, beyond)
+    line = _BY_DIGEST if digested else _BY_SCENARIO
+    if run.trajectory.ends_in_collision:
+        line = line.replace("complete", "complete up to the collision that ended the run", 1)
+    return Standing(DataState.INTACT, line, beyond)
 
 
 def _unfinished(run: RecordedRun) -> Iterator[tuple[DataState, str]]:

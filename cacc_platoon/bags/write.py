@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -29,6 +30,16 @@ _FOREVER = QosTime(9223372036, 854775807)
 _PROGRESS_STRIDE = 500
 
 
+class Events(NamedTuple):
+    """What happened in a run: the latched topic that says so, sample and text of each event."""
+
+    topic: str
+    texts: Sequence[tuple[int, str]]
+
+
+NO_EVENTS = Events("", ())
+
+
 def write_bag(
     folder: Path,
     recording: Recording,
@@ -38,6 +49,7 @@ def write_bag(
     scenario_topic: str,
     scenario_text: str,
     custom_data: dict[str, str],
+    events: Events = NO_EVENTS,
     progress: Callable[[int, int], None] | None = None,
 ) -> None:
     """Write a new bag, its messages in the order of (delivery stamp, topic).
@@ -60,6 +72,8 @@ def write_bag(
         The latched topic that carries the scenario, and the scenario file's text.
     custom_data : dict of str to str
         Goes into the bag's metadata beside the scenario.
+    events : Events, optional
+        What happened.
     progress : callable, optional
         Called periodically with the sample reached and the number of samples.
     """
@@ -71,6 +85,10 @@ def write_bag(
     try:
         latched = _add(writer, scenario_topic, STRING_TYPE, QosDurability.TRANSIENT_LOCAL, 1)
         writer.write(latched, 0, encode_string(scenario_text))
+        if events.texts:
+            told = _add(writer, events.topic, STRING_TYPE, QosDurability.TRANSIENT_LOCAL, 1)
+            for sample, text in events.texts:
+                writer.write(told, sample * step_ns, encode_string(text))
         connections = [
             _add(writer, name, record.type_name, QosDurability.VOLATILE, depth)
             for name, record in sorted(recording.items())

@@ -66,6 +66,7 @@ def simulate_run(scenario: Scenario, path: Path, progress: ProgressLine | None =
     UserError
         When the folder exists or cannot be written.
     """
+    from cacc_platoon.runs.events import append_events, events_of  # noqa: PLC0415
     from cacc_platoon.runs.recording import recording_of  # noqa: PLC0415
     from cacc_platoon.simulation import simulate  # noqa: PLC0415
 
@@ -79,9 +80,10 @@ def simulate_run(scenario: Scenario, path: Path, progress: ProgressLine | None =
             status=EndStatus.FINISHED,
             samples=len(trajectory.position),
             wall_time=wall,
-            real_time_factor=scenario.run.duration / wall if wall else None,
+            real_time_factor=float(trajectory.time[-1]) / wall if wall else None,
             start_time=0.0,
         )
+        append_events(path, events_of(trajectory), scenario.run.step)
         writing = _named("writing the bag", progress)
         folder.finish(scenario, recording_of(trajectory), info, writing)
     except BaseException as error:  # there is nothing that a report could be made of

@@ -255,20 +255,22 @@ class ChannelSource:
         Asked for a block at a time, and held to what it promises.
     samples : int
         Of the run.
+    start : int, optional
+        The first sample that is asked for.
     """
 
-    def __init__(self, channel: Channel, samples: int) -> None:
+    def __init__(self, channel: Channel, samples: int, start: int = 0) -> None:
         self.prompt, *_ = promise = promise_of(channel)
         self.memory = promise.memory
-        self._packets = packets_by_sample(channel, samples)
+        self._packets = packets_by_sample(channel, samples, start)
 
     def deliver(self, _sample: int, _position: float, _velocity: float) -> list[Packet]:
         """Return the packets delivered at the next sample."""
         return next(self._packets, [])
 
 
-def packets_by_sample(channel: Channel, samples: int) -> Iterator[list[Packet]]:
-    """Yield the packets delivered at each sample of a run, from 0 on.
+def packets_by_sample(channel: Channel, samples: int, start: int = 0) -> Iterator[list[Packet]]:
+    """Yield the packets delivered at each sample of a run, from `start` on.
 
     The channel is asked for a block at a time, and held to what it promises.
 
@@ -278,10 +280,10 @@ def packets_by_sample(channel: Channel, samples: int) -> Iterator[list[Packet]]:
     ...     for now in packets_by_sample(ComposedChannel([]), samples=2)]
     [[(0, 0)], [(1, 1)]]
     """
-    for start in range(0, samples, BLOCK):
-        stop = min(start + BLOCK, samples)
-        delivery = checked_delivery(channel, start, stop)
+    for first in range(start, samples, BLOCK):
+        stop = min(first + BLOCK, samples)
+        delivery = checked_delivery(channel, first, stop)
         packets = delivery.packets()
-        ends = np.searchsorted(delivery.sample, np.arange(start, stop + 1)).tolist()
+        ends = np.searchsorted(delivery.sample, np.arange(first, stop + 1)).tolist()
         for begin, end in pairwise(ends):
             yield packets[begin:end]

@@ -103,6 +103,10 @@ class TriggeredChannel:
         self._number = 0
         self._due: defaultdict[int, list[Packet]] = defaultdict(list)
 
+    def change(self, channel: ComposedChannel) -> None:
+        """Let something else happen to packets that are sent from now on."""
+        self._channel = channel
+
     def deliver(self, sample: int, position: float, velocity: float) -> list[Packet]:
         """Return the packets delivered at a sample, at which the sender moves so."""
         if self._rule.sends(sample, position, velocity):

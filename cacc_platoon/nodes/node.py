@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from geometry_msgs.msg import AccelStamped, PoseStamped, TwistStamped, Vector3Stamped
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 
 from cacc_platoon.model import State
 from cacc_platoon.nodes import qos, ros_parameters
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.names import NodeKind, NodeName
+from cacc_platoon.scenario.parameter import ScenarioError
+from cacc_platoon.scenario.run_event import RunEvent
+from cacc_platoon.scenario.table import TABLE
+from cacc_platoon.scenario.timeline import Change
 from cacc_platoon.stepping.deliveries import LockstepError
 from cacc_platoon.stepping.lockstep import PublishState
-from cacc_platoon.stepping.stepper import Steppers
+from cacc_platoon.stepping.stepper import Changing, Steppers
 from msg_adapters.stamped import ACCEL, POSE, TWIST, VECTOR, LayoutError
 from msg_adapters.topics import Topic, VehicleTopics
 
@@ -25,6 +31,8 @@ MESSAGE_TYPES = {
 }
 
 RECORD_PARAMETER = "record"
+MOST_CHANGES = 100
+"""So often may the parameter of a node be changed in a run."""
 
 
 class PlatoonNode(Node):  # type: ignore[misc]
@@ -46,7 +54,12 @@ class PlatoonNode(Node):  # type: ignore[misc]
         What decides its samples.
     failures : list of str
         What went wrong with incoming messages; the first one ends the run.
+    events : list of RunEvent
+        What happened in this node and was not told yet.
     """
+
+    changeable = ""
+    """The parameter that ros2 param set may change, where the run is adjustable."""
 
     def __init__(
         self,
@@ -65,11 +78,59 @@ class PlatoonNode(Node):  # type: ignore[misc]
             super().__init__(name, namespace=namespace, use_global_arguments=False)
         self.scenario, self.index, self.groups = scenario, index, groups
         self.failures: list[str] = []
+        self.events: list[RunEvent] = []
+        self.changes: list[Change] = []
         self.steppers = Steppers(scenario, lambda: int(self.get_clock().now().nanoseconds))
         self.topics = VehicleTopics(scenario.platoon.namespace, index)
         self.predecessor = VehicleTopics(scenario.platoon.namespace, index - 1)
         own = scenario.overrides.get(index, {})
-        ros_parameters.declare(self, scenario, own, groups)
+        changeable = self.changeable if scenario.run.adjustable else ""
+        ros_parameters.declare(self, scenario, own, groups, changeable)
+
+    def let_change(self, steppers: Sequence[Changing], ignores: str) -> None:
+        """Let ros2 param set change `changeable` of steppers, where the run is adjustable.
+
+        Parameters
+        ----------
+        steppers : sequence of Changing
+            Who heeds it.
+        ignores : str
+            Custom code that would not; empty for none.
+        """
+        if not self.scenario.run.adjustable:
+            return
+
+        def change(parameters: Sequence[Parameter]) -> SetParametersResult:
+            try:
+                for parameter in parameters:
+                    self._change(parameter, steppers, ignores)
+            except ScenarioError as error:
+                return SetParametersResult(successful=False, reason=str(error))
+            return SetParametersResult(successful=True)
+
+        self.add_on_set_parameters_callback(change)
+
+    def _change(
+        self,
+        parameter: Parameter,
+        steppers: Sequence[Changing],
+        ignores: str,
+    ) -> None:
+        name, node = parameter.name, self.get_fully_qualified_name()
+        if name != self.changeable or ignores:
+            raise ScenarioError(f"{node}: {name} {ignores or 'is not to be changed in a run'}")
+        value = TABLE[name].check(parameter.value, node)
+        sample = max(stepper.next_sample for stepper in steppers)
+        if sample >= self.scenario.samples or len(self.changes) >= MOST_CHANGES:
+            raise ScenarioError(
+                f"{node}: {name} is not changed: the run is over, or it was changed "
+                f"{MOST_CHANGES} times"
+            )
+        change = Change(sample, self.index, name, value)
+        for stepper in steppers:
+            stepper.change(change)
+        self.changes.append(change)
+        self.events.append(change.event)
 
     def create_motion_stream(self) -> PublishState:
         """Return a function that publishes stamp [ns] and state on pose, twist and accel."""

@@ -19,6 +19,8 @@ class NoiseRelayNode(PlatoonNode):
         Makes another channel from the follower's parameters, one for each of its links.
     """
 
+    changeable = "v2v.loss"
+
     def __init__(
         self,
         scenario: Scenario | None = None,
@@ -27,6 +29,7 @@ class NoiseRelayNode(PlatoonNode):
     ) -> None:
         super().__init__("noise_relay", ("platoon", "v2v", "run"), scenario, index)
         follower = self.scenario.follower(self.index)
+        steppers = []
         for link in self.scenario.topology.links_to(self.index):
             topics, receiver = self.topics.link(link.sender), follower.on(link)
             stepper = self.steppers.relay(
@@ -35,8 +38,11 @@ class NoiseRelayNode(PlatoonNode):
                 self.create_stream(topics.complete) if follower.counted else None,
                 channel=channel(receiver) if channel else None,
             )
+            steppers.append(stepper)
             sender = VehicleTopics(self.scenario.platoon.namespace, link.sender)
             self.follow_stream(sender.accel, stepper.take)
             if follower.triggered:
                 self.follow_stream(sender.pose, stepper.take_position)
                 self.follow_stream(sender.twist, stepper.take_velocity)
+        own = follower.v2v.channel or (channel and channel.__qualname__)
+        self.let_change(steppers, f"is ignored by the channel {own}" if own else "")

@@ -18,11 +18,11 @@ def stream(scenario: Scenario) -> QoSProfile:
     )
 
 
-def latched() -> QoSProfile:
-    """Return the profile of topics whose last message is for latecomers too."""
+def latched(depth: int = 1) -> QoSProfile:
+    """Return the profile of topics whose last messages, so many, are for latecomers too."""
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,
-        depth=1,
+        depth=depth,
         reliability=ReliabilityPolicy.RELIABLE,
         durability=DurabilityPolicy.TRANSIENT_LOCAL,
     )

@@ -63,6 +63,10 @@ class RecorderNode(Node):  # type: ignore[misc]
                 raw=True,
             )
 
+    def end_at(self, samples: int) -> None:
+        """Say so when all topics have the samples of a run that ends sooner than was planned."""
+        self._recorder.end_at(samples)
+
     def flush(self) -> None:
         """Hand what was recorded to the operating system."""
         try:

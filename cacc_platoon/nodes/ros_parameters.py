@@ -21,15 +21,15 @@ FOREIGN = ("use_sim_time", "qos_overrides.", "start_type_description_service")
 _LARGE = 1e300
 
 
-def descriptor(row: Parameter) -> ParameterDescriptor:
-    """Return the ROS descriptor of a table row: meaning, unit, range; read-only while it runs."""
+def descriptor(row: Parameter, *, changeable: bool = False) -> ParameterDescriptor:
+    """Return the ROS descriptor of a table row: meaning, unit, range; whether it may change."""
     unit = "" if row.unit == "-" else f" [{row.unit}]"
     description = ParameterDescriptor(
         name=row.name,
         description=f"{row.meaning}{unit}",
         additional_constraints=row.range_text,
-        read_only=True,
-        dynamic_typing=" | " in row.kind,
+        read_only=not changeable,
+        dynamic_typing=changeable or " | " in row.kind,
     )
     low, high = row.at_least, row.at_most
     if row.kind == "float" and (low is not None or high is not None):
@@ -50,9 +50,16 @@ def descriptor(row: Parameter) -> ParameterDescriptor:
 
 
 def declare(
-    node: Node, scenario: Scenario, overrides: Mapping[str, Any], groups: tuple[str, ...]
+    node: Node,
+    scenario: Scenario,
+    overrides: Mapping[str, Any],
+    groups: tuple[str, ...],
+    changeable: str = "",
 ) -> None:
-    """Declare the parameters of some groups with the values the node will use."""
+    """Declare the parameters of some groups with the values the node will use.
+
+    All of them but the one that is `changeable` stay as they are.
+    """
     values = {**scenario.values(), **overrides}
     rows = [row for row in TABLE.values() if row.name.partition(".")[0] in groups]
     given = [row.name for row in rows if node.has_parameter(row.name)]
@@ -61,7 +68,11 @@ def declare(
     node.declare_parameters(
         "",
         [
-            (row.name, list(value) if isinstance(value, tuple) else value, descriptor(row))
+            (
+                row.name,
+                list(value) if isinstance(value, tuple) else value,
+                descriptor(row, changeable=row.name == changeable),
+            )
             for row in rows
             if (value := values[row.name]) != ()
         ],

@@ -21,6 +21,8 @@ class VehicleNode(PlatoonNode):
         Where it begins; by default in equilibrium behind its predecessor.
     """
 
+    changeable = "controller.time_headway"
+
     def __init__(
         self,
         scenario: Scenario | None = None,
@@ -49,6 +51,7 @@ class VehicleNode(PlatoonNode):
             if follower.fallback_law()
             else None,
             publish_monitor=self.create_stream(self.topics.monitor) if follower.monitored else None,
+            tell=self.events.append,
             law=law(follower) if law else None,
             initial=initial,
         )
@@ -62,3 +65,5 @@ class VehicleNode(PlatoonNode):
             self.follow_stream(topics.accel, take)
             if follower.counted:
                 self.follow_stream(topics.complete, count)
+        own = follower.law_name or (law and law.__qualname__)
+        self.let_change([stepper], f"is ignored by the control law {own}" if own else "")

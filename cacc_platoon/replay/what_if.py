@@ -119,7 +119,10 @@ def what_if(
 
     def judge(parameters: Scenario, motion: Sequence[Floats]) -> tuple[Motion, Floats]:
         position, velocity, acceleration = motion[:3]
-        law = parameters.follower(record.index).spacing_policy()
+        follower = parameters.follower(record.index)
+        law, headway = follower.spacing_policy(), follower.headways(seen)
+        if headway is not None:
+            law = law.with_headway(headway)
         error = law.spacing_error(position[:seen], velocity[:seen], ahead)
         gap = ahead - position[:seen]
         return Motion(

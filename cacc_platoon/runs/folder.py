@@ -23,6 +23,7 @@ from cacc_platoon import __version__
 from cacc_platoon.bags.digest import run_digest
 from cacc_platoon.bags.rows import Recording
 from cacc_platoon.errors import UserError
+from cacc_platoon.runs.events import bag_events
 from cacc_platoon.runs.info import EndStatus, RunInfo
 from cacc_platoon.runs.parts import read_parts
 from cacc_platoon.scenario import Scenario
@@ -95,7 +96,7 @@ class RunFolder:
             _refuse_full_disk(path, scenario)
             folder.begun = _begun(scenario)
             folder.begun.write(path)
-            (path / SCENARIO_FILE).write_text(format_scenario(scenario), encoding="utf-8")
+            folder.write_scenario(scenario)
         except BaseException as error:
             shutil.rmtree(path, ignore_errors=True)
             if isinstance(error, OSError):
@@ -117,6 +118,10 @@ class RunFolder:
                 return False
             _HELD[self.path.absolute()] = self
         return True
+
+    def write_scenario(self, scenario: Scenario) -> None:
+        """Write the resolved scenario."""
+        (self.path / SCENARIO_FILE).write_text(format_scenario(scenario), encoding="utf-8")
 
     def scenario(self) -> Scenario:
         """Return the resolved scenario."""
@@ -148,7 +153,7 @@ class RunFolder:
         progress : callable, optional
             Called periodically with the sample written and the number of samples.
         """
-        from cacc_platoon.bags.write import write_bag  # noqa: PLC0415  (heavy: a run starts sooner)
+        from cacc_platoon.bags.write import Events, write_bag  # noqa: PLC0415  (heavy: a run starts sooner)
         from cacc_platoon.runs.recording import with_deliveries  # noqa: PLC0415
 
         info = dataclasses.replace(
@@ -169,6 +174,7 @@ class RunFolder:
             depth=queue_depth(scenario.run.window, scenario.platoon.followers),
             scenario_topic=PlatoonTopics(prefix).scenario,
             scenario_text=format_scenario(scenario),
+            events=Events(PlatoonTopics(prefix).events, bag_events(self.path)),
             custom_data={
                 "digest": digest,
                 "cacc_platoon": __version__,

@@ -19,14 +19,14 @@ from cacc_platoon.bags.rows import TopicRows
 from cacc_platoon.errors import one_line
 from cacc_platoon.model import Link, RecordedMotion
 from cacc_platoon.runs.arrivals import counted_rows, prompt_arrivals, read_arrivals
-from cacc_platoon.runs.find_platoons import FoundPlatoon, find_platoons
+from cacc_platoon.runs.find_platoons import find_platoons
 from cacc_platoon.runs.info import INFO_FILE, EndStatus, InfoError, RunInfo
 from cacc_platoon.runs.locate import how_it_ended, nothing_recorded
 from cacc_platoon.runs.recorded_scenario import (
     altered_scenario,
+    cut_short,
     cut_to_samples,
-    fit_to_topics,
-    recorded_scenario,
+    identify,
 )
 from cacc_platoon.runs.sample_grid import Fault, Grid, group, lay_grid, sample
 from cacc_platoon.scenario import Scenario
@@ -129,9 +129,12 @@ def read_run(
     recorded = (info.digest if info else "") or one_line(raw.custom_data.get("digest", ""), _DIGEST)
     notes += _another_digest(found, recorded)
     cut = cut_to_samples(scenario, samples.grid, notes)
+    trajectory = _trajectory(cut, samples.columns, samples.arrivals)
+    if samples.grid.exact and not trajectory.ends_in_collision:
+        notes += filter(None, [cut_short(scenario, cut)])
     return RecordedRun(
         bag,
-        _trajectory(cut, samples.columns, samples.arrivals),
+        trajectory,
         scenario,
         samples.grid,
         tuple(one_line(note) for note in notes),
@@ -195,103 +198,11 @@ def _info_in_bag(raw: RawBag) -> RunInfo | None:
     return None
 
 
-def identify(
-    raw: RawBag,
-    folder: Path | None,
-    given: Scenario | None,
-    namespace: str | None,
-    notes: list[str],
-) -> Scenario:
-    """Return the parameters of the platoon of a bag that is meant.
-
-    Parameters
-    ----------
-    raw : RawBag
-        The bag.
-    folder : Path or None
-        The run folder around it.
-    given : Scenario or None
-        Parameters to use instead of those in the bag.
-    namespace : str or None
-        Which platoon, when the bag holds several.
-    notes : list of str
-        What is wrong or left out is appended, one line each.
-
-    Raises
-    ------
-    BagError
-        When there is no platoon in the bag, or nothing says what its parameters are.
-    """
-    platoons = find_platoons(raw.topics)
-    if not any(platoon.messages for platoon in platoons):
-        raise BagError(f"{raw.path}: {_why_no_platoon(raw)}")
-    hint = given or recorded_scenario(raw, None, None, [])
-    platoon = _choose(platoons, raw.path, namespace, hint)
-    notes += _other_platoons(platoons, platoon, raw)
-    return _scenario(raw, platoon, folder, given, notes)
-
-
-def _scenario(
-    raw: RawBag,
-    platoon: FoundPlatoon,
-    folder: Path | None,
-    given: Scenario | None,
-    notes: list[str],
-) -> Scenario:
-    """Return the parameters of the chosen platoon."""
-    scenario = given or recorded_scenario(raw, platoon.prefix, folder, notes)
-    if scenario is None:
-        why = next((f" ({note})" for note in notes if "scenario" in note), "")
-        raise BagError(
-            f"{raw.path}: holds no scenario that can be read{why}, so d, h_w and the gains are "
-            "unknown. Give the run's parameters with --scenario FILE."
-        )
-    return fit_to_topics(scenario, platoon, notes, given is not None)
-
-
 def _unfinished(info: RunInfo | None) -> list[str]:
     """Say what run.json says of a run that did not end well."""
     if info is None or info.status == EndStatus.FINISHED:
         return []
     return [how_it_ended(info)]
-
-
-def _why_no_platoon(raw: RawBag) -> str:
-    damage = f" ({raw.damage[0]})" if raw.damage else ""
-    names = sorted(raw.topics)
-    if not names:
-        return f"holds no message{damage}. Record it again."
-    shown = ", ".join(names[:_NAMED_TOPICS]) + (", ..." if len(names) > _NAMED_TOPICS else "")
-    return (
-        f"holds no platoon, only {shown}{damage}. A platoon's topics are called "
-        "<prefix>/vehicle_<i>/pose, twist, accel and v2v/accel."
-    )
-
-
-def _choose(
-    platoons: list[FoundPlatoon], bag: Path, namespace: str | None, scenario: Scenario | None
-) -> FoundPlatoon:
-    by_prefix = {platoon.prefix: platoon for platoon in platoons}
-    if namespace is not None:
-        if namespace not in by_prefix:
-            raise BagError(
-                f"{bag}: has no platoon {namespace}. It has {', '.join(sorted(by_prefix))}."
-            )
-        return by_prefix[namespace]
-    if scenario is not None and scenario.platoon.namespace in by_prefix:
-        return by_prefix[scenario.platoon.namespace]
-    return platoons[0]
-
-
-def _other_platoons(
-    platoons: list[FoundPlatoon], chosen: FoundPlatoon, raw: RawBag
-) -> Iterator[str]:
-    for platoon in platoons:
-        if platoon is not chosen:
-            yield (
-                f"a second platoon, {platoon.prefix or '/'} ({len(platoon.vehicles)} vehicles, "
-                f"{platoon.messages} messages), is in the bag and left out; --namespace chooses it"
-            )
 
 
 def _decode_all(

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
 
+from cacc_platoon.bags.raw import BagError
 from cacc_platoon.bags.read import RawBag
-from cacc_platoon.runs.find_platoons import FoundPlatoon
+from cacc_platoon.runs.find_platoons import FoundPlatoon, find_platoons
 from cacc_platoon.runs.folder import SCENARIO_FILE
 from cacc_platoon.runs.sample_grid import Grid
 from cacc_platoon.scenario import Scenario
@@ -18,6 +20,7 @@ from cacc_platoon.texts import TextError, read_text
 from msg_adapters.text import decode_string
 from msg_adapters.topics import PlatoonTopics
 
+_NAMED_TOPICS = 3
 _MOST_TEXTS = 3
 """Of one topic, which is latched and has one."""
 
@@ -96,11 +99,108 @@ def cut_to_samples(scenario: Scenario, grid: Grid, notes: list[str]) -> Scenario
         run = dataclasses.replace(run, step=grid.step / 1e9)
     elif not grid.exact:
         notes.append("stamps are on no common grid (wall time); values are interpolated to one")
-    elif grid.samples != scenario.samples:
-        notes.append(
-            f"the run has {grid.samples} samples ({(grid.samples - 1) * run.step:g} s) of the "
-            f"scenario's {scenario.samples} ({run.duration:g} s)"
-        )
     if grid.samples != scenario.samples:
         run = dataclasses.replace(run, duration=(grid.samples - 1) * run.step)
     return dataclasses.replace(scenario, run=run)
+
+
+def cut_short(scenario: Scenario, cut: Scenario) -> str:
+    """Say how much of its scenario a run has; empty where it has all, or another grid."""
+    if cut.samples == scenario.samples or cut.run.step != scenario.run.step:
+        return ""
+    return (
+        f"the run has {cut.samples} samples ({(cut.samples - 1) * cut.run.step:g} s) of the "
+        f"scenario's {scenario.samples} ({scenario.run.duration:g} s)"
+    )
+
+
+def identify(
+    raw: RawBag,
+    folder: Path | None,
+    given: Scenario | None,
+    namespace: str | None,
+    notes: list[str],
+) -> Scenario:
+    """Return the parameters of the platoon of a bag that is meant.
+
+    Parameters
+    ----------
+    raw : RawBag
+        The bag.
+    folder : Path or None
+        The run folder around it.
+    given : Scenario or None
+        Parameters to use instead of those in the bag.
+    namespace : str or None
+        Which platoon, when the bag holds several.
+    notes : list of str
+        What is wrong or left out is appended, one line each.
+
+    Raises
+    ------
+    BagError
+        When there is no platoon in the bag, or nothing says what its parameters are.
+    """
+    platoons = find_platoons(raw.topics)
+    if not any(platoon.messages for platoon in platoons):
+        raise BagError(f"{raw.path}: {_why_no_platoon(raw)}")
+    hint = given or recorded_scenario(raw, None, None, [])
+    platoon = _choose(platoons, raw.path, namespace, hint)
+    notes += _other_platoons(platoons, platoon, raw)
+    return _scenario(raw, platoon, folder, given, notes)
+
+
+def _scenario(
+    raw: RawBag,
+    platoon: FoundPlatoon,
+    folder: Path | None,
+    given: Scenario | None,
+    notes: list[str],
+) -> Scenario:
+    """Return the parameters of the chosen platoon."""
+    scenario = given or recorded_scenario(raw, platoon.prefix, folder, notes)
+    if scenario is None:
+        why = next((f" ({note})" for note in notes if "scenario" in note), "")
+        raise BagError(
+            f"{raw.path}: holds no scenario that can be read{why}, so d, h_w and the gains are "
+            "unknown. Give the run's parameters with --scenario FILE."
+        )
+    return fit_to_topics(scenario, platoon, notes, given is not None)
+
+
+def _why_no_platoon(raw: RawBag) -> str:
+    damage = f" ({raw.damage[0]})" if raw.damage else ""
+    names = sorted(raw.topics)
+    if not names:
+        return f"holds no message{damage}. Record it again."
+    shown = ", ".join(names[:_NAMED_TOPICS]) + (", ..." if len(names) > _NAMED_TOPICS else "")
+    return (
+        f"holds no platoon, only {shown}{damage}. A platoon's topics are called "
+        "<prefix>/vehicle_<i>/pose, twist, accel and v2v/accel."
+    )
+
+
+def _choose(
+    platoons: list[FoundPlatoon], bag: Path, namespace: str | None, scenario: Scenario | None
+) -> FoundPlatoon:
+    by_prefix = {platoon.prefix: platoon for platoon in platoons}
+    if namespace is not None:
+        if namespace not in by_prefix:
+            raise BagError(
+                f"{bag}: has no platoon {namespace}. It has {', '.join(sorted(by_prefix))}."
+            )
+        return by_prefix[namespace]
+    if scenario is not None and scenario.platoon.namespace in by_prefix:
+        return by_prefix[scenario.platoon.namespace]
+    return platoons[0]
+
+
+def _other_platoons(
+    platoons: list[FoundPlatoon], chosen: FoundPlatoon, raw: RawBag
+) -> Iterator[str]:
+    for platoon in platoons:
+        if platoon is not chosen:
+            yield (
+                f"a second platoon, {platoon.prefix or '/'} ({len(platoon.vehicles)} vehicles, "
+                f"{platoon.messages} messages), is in the bag and left out; --namespace chooses it"
+            )

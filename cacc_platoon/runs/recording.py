@@ -65,6 +65,22 @@ def with_deliveries(recording: Recording, graph: Graph) -> dict[str, TopicRows]:
     return records
 
 
+def first_samples(recording: Recording, graph: Graph, end: int) -> dict[str, TopicRows]:
+    """Return what was published of the samples before a stamp [ns], and delivered at them."""
+    records = dict(recording)
+    for topic in graph.recorded:
+        if topic.name in recording:
+            messages = recording[topic.name].messages
+            before = messages[topic.codec.stamps(messages) < end]
+            records[topic.name] = recording[topic.name]._replace(messages=before)
+    for topics in graph.counted_links.values():
+        received, counts = recording.get(topics.accel.name), records.get(topics.complete.name)
+        if received is not None and counts is not None and len(counts.messages):
+            published = int(topics.complete.codec.values(counts.messages)[-1])
+            records[topics.accel.name] = received._replace(messages=received.messages[:published])
+    return records
+
+
 def recorded_samples(recording: Recording, graph: Graph) -> dict[str, int]:
     """Return up to which sample each topic is complete, by the number of its samples."""
     samples = {name: len(record.messages) for name, record in recording.items()}

@@ -74,6 +74,7 @@ class SampleRecorder:
         self._step_ns, self._last = scenario.step_ns, scenario.samples - 1
         self._stride = max(1, scenario.run.window // 4)
         self._arrived: dict[int, int] = {}
+        self._ended = False
         self._counted = self._counted_links(scenario)
 
     def receiver(self, topic: Topic) -> Callable[[bytes], None]:
@@ -193,6 +194,13 @@ class SampleRecorder:
         else:
             self._arrived.pop(k, None)
             self._progress(k)
+
+    def end_at(self, samples: int) -> None:
+        """Say so, once, when all topics have so many samples, fewer than the run was to have."""
+        sooner = 0 < samples <= self._last and not self._ended
+        if sooner and min(self.samples.values(), default=0) >= samples:
+            self._ended = True
+            self._progress(samples - 1)
 
     def not_written(self, error: OSError) -> None:
         """Take note that the disk does not take what is recorded."""

@@ -24,6 +24,7 @@ from cacc_platoon.scenario.names import vehicle_name
 from cacc_platoon.scenario.parameter import ScenarioError, refuse_unknown
 from cacc_platoon.scenario.plugin import check_plugin
 from cacc_platoon.scenario.table import FORMER_NAMES, SNR_DB, TABLE, Leader, Platoon, Run, Vehicle
+from cacc_platoon.scenario.timeline import read_change
 from cacc_platoon.scenario.v2v_parameters import V2V
 
 MAX_SAMPLES = 10**8
@@ -162,6 +163,20 @@ def check_overrides(
         )
 
 
+def check_timeline(run: Run, indices: range, source: str) -> None:
+    """Refuse changes that cannot be read, come too late, or are those of nobody."""
+    row = TABLE["run.timeline"]
+    for text in run.timeline:
+        change = read_change(text, run.step, source)
+        if change.vehicle not in indices:
+            known = f"{vehicle_name(indices[0])} to {vehicle_name(indices[-1])}"
+            rule = f"names no follower of this platoon, which has {known}"
+            raise row.refusal(text, source, rule)
+        if change.sample * run.step > run.duration:
+            rule = f"must be within the run, which ends at run.duration = {run.duration:g} s"
+            raise row.refusal(text, source, rule)
+
+
 def check_topology(
     platoon: Platoon, leader: Leader, followers: Iterable[Follower], source: str
 ) -> None:
@@ -221,6 +236,7 @@ def check_follower(follower: Follower, step: float, source: str) -> None:
         raise TABLE["v2v.bit_probabilities"].refusal(
             list(v2v.bit_probabilities), source, f"must have 1 to {MAX_BITS} values"
         )
+    _check_changes(follower, step, source)
     check_plugin(v2v.channel, TABLE["v2v.channel"], source)
     check_plugin(v2v.receiver, TABLE["v2v.receiver"], source)
     check_plugin(follower.law_name, TABLE["controller.law"], source)
@@ -245,6 +261,15 @@ def check_follower(follower: Follower, step: float, source: str) -> None:
     if v2v.quantum and v2v.saturation and v2v.saturation < v2v.quantum:
         rule = f"must be at least v2v.quantum = {v2v.quantum:g} m/s^2, or nothing but 0 is sent"
         raise TABLE["v2v.saturation"].refusal(v2v.saturation, source, rule)
+
+
+def _check_changes(follower: Follower, step: float, source: str) -> None:
+    """Refuse changes of what a custom channel or law stands in for."""
+    for change in follower.course.changes:
+        own = follower.law_name if change.name.startswith("controller.") else follower.v2v.channel
+        if own:
+            rule = f"changes {change.name} of {vehicle_name(follower.index)}, which {own} ignores"
+            raise TABLE["run.timeline"].refusal(change.text(step), source, rule)
 
 
 def _check_false_data(texts: Iterable[str], step: float, source: str) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -28,6 +28,7 @@ from cacc_platoon.scenario.checks import (
     check_namespace,
     check_overrides,
     check_run,
+    check_timeline,
     check_topology,
     checked_values,
     with_leader_file,
@@ -36,6 +37,7 @@ from cacc_platoon.scenario.follower import Follower
 from cacc_platoon.scenario.names import NodeKind, NodeName, vehicle_index, vehicle_name
 from cacc_platoon.scenario.own_code import try_channel, try_law, try_reception
 from cacc_platoon.scenario.parameter import ScenarioError
+from cacc_platoon.scenario.receiver import Course
 from cacc_platoon.scenario.ros_sections import forget, replace
 from cacc_platoon.scenario.table import (
     FORMER_NAMES,
@@ -49,6 +51,7 @@ from cacc_platoon.scenario.table import (
     Sensing,
     Vehicle,
 )
+from cacc_platoon.scenario.timeline import Change, timeline
 from cacc_platoon.scenario.v2v_parameters import V2V
 
 
@@ -130,6 +133,7 @@ class Scenario:
         check_run(self.run, self.node_names, source)
         check_leader(self.platoon, self.leader, source)
         check_overrides(self.overrides, self.indices, self.vehicle, source)
+        check_timeline(self.run, self.indices, source)
         check_topology(self.platoon, self.leader, self.followers, source)
         for follower in self.followers:
             where = f"{vehicle_name(follower.index)}: " if follower.index in self.overrides else ""
@@ -197,18 +201,34 @@ class Scenario:
             return {name: picked[f"{group}.{name}"] for name in names}
 
         return Follower(
-            Link(index - 1, index),
-            tau[self.indices.index(index)] if isinstance(tau, tuple) else tau,
-            picked["vehicle.tau_max"],
-            Gains(*(picked[f"controller.{name}"] for name in Gains._fields)),
-            self.platoon.standstill_distance,
-            V2V(**own_group("v2v")),
-            self.run.seed,
-            self.run.step,
-            picked["controller.law"],
-            Vehicle(**own_group("vehicle")),
-            Sensing(**own_group("sensing")),
+            link=Link(index - 1, index),
+            v2v=V2V(**own_group("v2v")),
+            seed=self.run.seed,
+            step=self.run.step,
+            tau=tau[self.indices.index(index)] if isinstance(tau, tuple) else tau,
+            tau_max=picked["vehicle.tau_max"],
+            gains=Gains(*(picked[f"controller.{name}"] for name in Gains._fields)),
+            standstill_distance=self.platoon.standstill_distance,
+            law_name=picked["controller.law"],
+            body=Vehicle(**own_group("vehicle")),
+            sensors=Sensing(**own_group("sensing")),
+            course=Course(
+                tuple(change for change in self.changes if change.vehicle == index),
+                picked["controller.headway_rate"],
+                self.run.adjustable,
+            ),
         )
+
+    @property
+    def changes(self) -> list[Change]:
+        """What changes in the course of the run, in order."""
+        return timeline(self.run.timeline, self.run.step)
+
+    def with_changes(self, changes: Iterable[Change]) -> Scenario:
+        """Return the scenario with changes more, as they have happened."""
+        texts = [change.text(self.run.step) for change in changes]
+        run = dataclasses.replace(self.run, timeline=(*self.run.timeline, *texts))
+        return dataclasses.replace(self, run=run)
 
     @property
     def lengths(self) -> tuple[float, ...]:

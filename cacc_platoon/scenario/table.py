@@ -119,6 +119,9 @@ class Controller:
         above=0.0,
         consequence="spacing errors would never be corrected",
     )
+    headway_rate: float = parameter(
+        0.05, "s/s", "how fast the time headway changes where it is changed in a run", above=0.0
+    )
     law: str = parameter(
         "", "-", "a custom control law, module:Class, in place of time headway and gains"
     )
@@ -190,6 +193,21 @@ class Run:
         "s",
         "how long no progress is taken for a pause; in proportion more from 100 nodes on",
         above=0.0,
+    )
+    timeline: tuple[str, ...] = parameter(
+        (),
+        "-",
+        'changes in the course of the run, each "TIME TARGET KEY=VALUE" such as "20 link_3 '
+        'v2v.loss=1" or "40 vehicle_5 controller.time_headway=1.2"',
+    )
+    adjustable: bool = parameter(
+        False,
+        "-",
+        "whether ros2 param set may change v2v.loss of a noise_relay and controller.time_headway "
+        "of a vehicle in the course of the run",
+    )
+    stop_on_collision: bool = parameter(
+        True, "-", "whether the run ends at the first sample at which two vehicles touch"
     )
 
 

@@ -23,7 +23,7 @@ from cacc_platoon.simulation.draws import draws_are_fresh, squared_ranges
 from cacc_platoon.simulation.mean_links import MeanLinks
 from cacc_platoon.simulation.monte_carlo import Ensemble
 from cacc_platoon.simulation.platoon import propagate
-from cacc_platoon.simulation.trajectory import Array, Trajectory
+from cacc_platoon.simulation.trajectory import Array, Trajectory, spacing_errors
 
 LEVEL = 1e-3
 """Probability of a false alarm, over all vehicles and samples together, at most."""
@@ -89,9 +89,7 @@ def pulse_responses(scenario: Scenario) -> Array:
     """
     runs = len(scenario.receivers) + 1
     states = propagate(scenario, _PulsedLinks(scenario), runs=runs, law=Follower.spacing_policy)
-    position, velocity, acceleration = (part.reshape(-1, part.shape[-1]) for part in states)
-    run = Trajectory(scenario, position, velocity, acceleration, received=np.empty((0, 0)))
-    errors = run.spacing_error.reshape(-1, runs, scenario.platoon.followers)
+    errors = spacing_errors(scenario, *states[:2])
     return errors[:, :-1] - errors[:, -1:]
 
 

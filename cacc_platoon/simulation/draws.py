@@ -16,6 +16,7 @@ def draws_are_fresh(scenario: Scenario) -> bool:
     It is not where packets are rare or late, lost in bursts or blackouts or say anything else, nor
     where noise is held over several samples and lost packets are replaced by the last one: a factor
     is then used before and after a loss. Errors of sensors and limits are no draws of a channel.
+    Where parameters change there is no one response to a draw.
     """
     followers = scenario.followers
     linear = all(one.sensing().perfect and not (one.limits() or one.stops) for one in followers)
@@ -26,9 +27,13 @@ def draws_are_fresh(scenario: Scenario) -> bool:
         and follower.v2v.reception != "fallback"
         for follower in scenario.receivers
     )
-    return plain and not any(
-        follower.v2v.loss and follower.holds and _drawn_for(follower) > 1
-        for follower in scenario.followers
+    return (
+        plain
+        and not scenario.changes
+        and not any(
+            follower.v2v.loss and follower.holds and _drawn_for(follower) > 1
+            for follower in scenario.followers
+        )
     )
 
 

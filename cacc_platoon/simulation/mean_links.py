@@ -38,9 +38,12 @@ class MeanLinks:
         self._receivers = scenario.receivers
         self._senders = np.array(scenario.topology.senders)
         self._mean = np.array([mean_factor(one) for one in self._receivers])
-        self._losses, self._lost, self._next = _good_and_bad(self._receivers)
+        stages = _padded([one.stages for one in self._receivers])
+        self._losses, self._next = _good_and_bad(self._receivers)
+        self._lost = np.stack([_lost(own) for own in stages], axis=-1)
+        self._bias = np.stack([_bias(own) for own in stages], axis=-1)
+        self._links = np.arange(len(self._receivers))
         self._kept = np.array([float(one.holds) for one in self._receivers])
-        self._bias = np.array([one.v2v.bias for one in self._receivers])
         self._due = _due(scenario)
         self._nearest = [own.start for own in scenario.topology.columns]
         self._begin()
@@ -67,16 +70,18 @@ class MeanLinks:
         """Return the mean accelerations that the receivers use."""
         if sample == 0:
             self._begin()
-        due, lost = self._due, self._lost
+        due, lost, bias = self._due, self._lost[0], self._bias[0]
         if due is None:
             sent = motion[2, sample].take(self._senders, axis=-1)
         else:
             self._trigger(sample, motion, due)
             sent = np.moveaxis(motion[2][due.carried[sample], ..., self._senders], 0, -1)
+            stage = due.stage[sample]
+            lost, bias = self._lost[stage, :, self._links].T, self._bias[stage, self._links]
             lost = np.where(due.dark[sample], 1.0, lost)
             self._fall_back(sample, due)
-        if self._bias.any():
-            sent = sent + self._bias
+        if bias.any():
+            sent = sent + bias
         if due is not None:
             sent = sent * due.factor[sample]
         parts = []
@@ -93,7 +98,7 @@ class MeanLinks:
         for column, channel in self._triggered.items():
             position, velocity = motion[:2, sample, 0, self._senders[column]].tolist()
             for packet in channel.deliver(sample, position, velocity):
-                due.put(sample, column, packet, self._receivers[column].blackouts)
+                due.put(sample, column, packet, self._receivers[column])
 
     def _fall_back(self, sample: int, due: _Due) -> None:
         """Go on with the law's share, as in a run that loses packets in blackouts alone."""
@@ -107,61 +112,87 @@ class MeanLinks:
             self.share[0, number] = getattr(reception, "share", 1.0)
 
 
-def _good_and_bad(followers: Sequence[Follower]) -> tuple[Array, Array, Array]:
-    """Return shares and losses of good and of bad times, shape (2, L), and what follows what.
+def _padded(stages: Sequence[Sequence[tuple[int, Follower]]]) -> list[list[Follower]]:
+    """Return the stages of every link, as many of each: the last one goes on."""
+    most = max(map(len, stages))
+    return [[own[min(k, len(own) - 1)][1] for k in range(most)] for own in stages]
 
-    The last is of shape (2, 2, L): the probability of the second after the first.
+
+def _lost(stages: Sequence[Follower]) -> Array:
+    """Return the probabilities of a loss in good and bad times at each stage, shape (S, 2)."""
+    return np.array([(one.v2v.loss, one.v2v.burst_loss) for one in stages])
+
+
+def _bias(stages: Sequence[Follower]) -> Array:
+    return np.array([one.v2v.bias for one in stages])
+
+
+def _good_and_bad(followers: Sequence[Follower]) -> tuple[Array, Array]:
+    """Return the shares of good and of bad times, shape (2, L), and what follows what.
+
+    The latter is of shape (2, 2, L): the probability of the second after the first.
     """
-    share, lost, follows = [], [], []
+    share, follows = [], []
     for follower in followers:
         v2v = follower.v2v
         begin, end = v2v.burst_begin, v2v.burst_end if v2v.burst_begin else 1.0
         bad = begin / (begin + end)
         share.append((1.0 - bad, bad))
-        lost.append((v2v.loss, v2v.burst_loss))
         follows.append(((1.0 - begin, begin), (end, 1.0 - end)))
-    return np.array(share).T, np.array(lost).T, np.moveaxis(np.array(follows), 0, -1)
+    return np.array(share).T, np.moveaxis(np.array(follows), 0, -1)
 
 
 class _Due(NamedTuple):
     """Packets that are due in the mean, each of shape (samples, L).
 
     Which sample's acceleration is in the packet, -1 where none is due, by what false data multiply
-    it, and whether it is sent in a blackout.
+    it, whether it is sent in a blackout, and at which stage of the link.
     """
 
     carried: Integers
     factor: Array
     dark: NDArray[np.bool_]
+    stage: Integers
 
-    def put(
-        self, sample: int, column: int, packet: Packet, blackouts: list[tuple[int, int]]
-    ) -> None:
+    def put(self, sample: int, column: int, packet: Packet, receiver: Follower) -> None:
         """Put in a packet that is due at a sample."""
         self.carried[sample, column], self.factor[sample, column] = packet.content, packet.factor
-        self.dark[sample, column] = any(begin <= packet.source < end for begin, end in blackouts)
+        self.dark[sample, column] = any(
+            begin <= packet.source < end for begin, end in receiver.blackouts
+        )
+        self.stage[sample, column] = _stage(receiver, np.array(packet.source))
 
 
 def _due(scenario: Scenario) -> _Due | None:
     """Return the packets that are due; None where each sample's own is, and arrives or is lost."""
     receivers, samples = scenario.receivers, scenario.samples
     if all(
-        one.timing().prompt and not (one.v2v.blackouts or one.v2v.false_data or one.triggered)
+        one.timing().prompt
+        and not (one.v2v.blackouts or one.v2v.false_data or one.triggered or one.stages[1:])
         for one in receivers
     ):
         return None
     shape = samples, len(receivers)
-    due = _Due(np.full(shape, -1), np.ones(shape), np.zeros(shape, np.bool_))
+    due = _Due(
+        np.full(shape, -1), np.ones(shape), np.zeros(shape, np.bool_), np.zeros(shape, np.int64)
+    )
     for column, follower in enumerate(receivers):
         if follower.triggered:
             continue
         packets = follower.timing().delivery(0, samples)
         due.carried[packets.sample, column] = packets.carried
         due.factor[packets.sample, column] = packets.factor
+        due.stage[packets.sample, column] = _stage(follower, packets.source)
         for begin, end in follower.blackouts:
             inside = (packets.source >= begin) & (packets.source < end)
             due.dark[packets.sample[inside], column] = True
     return due
+
+
+def _stage(receiver: Follower, source: Integers) -> Integers:
+    """Return at which stage of its link packets are sent."""
+    starts = np.array([start for start, _ in receiver.stages])
+    return np.searchsorted(starts, source, "right") - 1
 
 
 def mean_factor(follower: Follower) -> float:

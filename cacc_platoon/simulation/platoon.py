@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import NamedTuple
@@ -20,7 +21,7 @@ from cacc_platoon.model import (
     sample_profile,
 )
 from cacc_platoon.scenario import Follower, Scenario
-from cacc_platoon.scenario.follower import packet_source
+from cacc_platoon.scenario.receiver import packet_source
 from cacc_platoon.simulation.bodies import Actuators, Sensors
 from cacc_platoon.simulation.links import (
     ChannelFactory,
@@ -32,7 +33,14 @@ from cacc_platoon.simulation.links import (
 )
 from cacc_platoon.simulation.mean_links import MeanLinks
 from cacc_platoon.simulation.stepped_links import LinkOfRun, SteppedLinks, followed
-from cacc_platoon.simulation.trajectory import Array, Arrivals, Trajectory
+from cacc_platoon.simulation.trajectory import (
+    Array,
+    Arrivals,
+    Trajectory,
+    first_collision,
+    gaps,
+    policy_of,
+)
 
 Progress = Callable[[int, int], None]
 LawFactory = Callable[[Follower], ControlLaw]
@@ -83,6 +91,11 @@ def simulate(
     """
     links = links_of_runs([scenario], noise, channel)
     states = propagate(scenario, links, progress, law=law, sensors=Sensors.of([scenario]))
+    last = first_collision(gaps(scenario, states[0, :, 0]))
+    if last is not None and scenario.run.stop_on_collision:
+        run = dataclasses.replace(scenario.run, duration=last * scenario.run.step)
+        shorter = dataclasses.replace(scenario, run=run)
+        links, states = links_of_runs([shorter], noise, channel), states[:, : last + 1]
     return _of_one_run(scenario, links, states)
 
 
@@ -205,7 +218,7 @@ def propagate(
         if sensors:
             position_ahead, velocity_ahead = sensors.ahead(k, history)
         measured = position[:, 1:], velocity[:, 1:], position_ahead, velocity_ahead
-        u = command(*measured, links.received(k, history))
+        u = command(k, *measured, links.received(k, history))
         if links.share is not None:
             u = blended(u, alone(*measured, np.zeros(())), links.share)
         u = actuators.command(u, velocity[:, 1:])
@@ -247,8 +260,7 @@ def commands_of(run: Trajectory) -> Commands:
         seen = [sensors.ahead(k, motion) for k in range(len(position))]
         position_ahead, velocity_ahead = (np.concatenate(part) for part in zip(*seen, strict=True))
     measured = position, velocity, position_ahead, velocity_ahead
-    gains = Gains(*np.array([follower.gains for follower in followers]).T)
-    law = ConstantTimeHeadway(gains, scenario.platoon.standstill_distance)
+    law = policy_of(followers, len(position))
     nearest = [own.start for own in scenario.topology.columns]
     wanted = law.command(*measured, run.received[:, nearest])
     if run.share is not None:
@@ -274,28 +286,36 @@ def blended(command: Array, alone: Array, share: Array) -> Array:
 
 
 def _command(scenario: Scenario, law: LawFactory | None) -> Callable[..., Array]:
-    """Return the control laws of all followers as one function of arrays.
+    """Return the control laws of all followers as one function of a sample and arrays.
 
     It takes motion, shape (runs, N), and what is used of every link, shape (runs, L).
     """
     followers, links = scenario.followers, scenario.topology.columns
     laws = [law(follower) if law else follower.law() for follower in followers]
-    if all(type(one) is ConstantTimeHeadway for one in laws):
-        gains = Gains(*np.array([follower.gains for follower in followers]).T)
-        common = ConstantTimeHeadway(gains, followers[0].standstill_distance)
+    known = [one for one in laws if type(one) is ConstantTimeHeadway]
+    if len(known) == len(laws):
+        policy = policy_of(followers, scenario.samples, known)
+        headways = np.asarray(policy.gains.time_headway)
         nearest = [own.start for own in links]
 
-        def common_command(x: Array, v: Array, x_ahead: Array, v_ahead: Array, a: Array) -> Array:
-            return common.command(x, v, x_ahead, v_ahead, a.take(nearest, axis=-1))
+        def common_command(sample: int, *inputs: Array) -> Array:
+            x, v, x_ahead, v_ahead, received = inputs
+            now = policy.with_headway(headways[sample]) if headways.ndim > 1 else policy
+            return now.command(x, v, x_ahead, v_ahead, received.take(nearest, axis=-1))
 
         return common_command
 
-    def command(*inputs: Array) -> Array:
+    moving = [follower.headways(scenario.samples) for follower in followers]
+
+    def command(sample: int, *inputs: Array) -> Array:
         *motion, received = inputs
-        columns = [
-            _column(one, follower.index, [*(part[:, i] for part in motion), *received[:, own].T])
-            for i, (one, follower, own) in enumerate(zip(laws, followers, links, strict=True))
-        ]
+        columns = []
+        for i, (follower, own, headway) in enumerate(zip(followers, links, moving, strict=True)):
+            now = laws[i]
+            if headway is not None:
+                now = follower.spacing_policy().with_headway(headway[sample])
+            given = [*(part[:, i] for part in motion), *received[:, own].T]
+            columns.append(_column(now, follower.index, given))
         return np.stack(columns, axis=1)
 
     return command

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -11,7 +11,14 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from cacc_platoon.model import ChoosingReception, Delivery, MonitoredReception, Reception
+from cacc_platoon.model import (
+    ChoosingReception,
+    ConstantTimeHeadway,
+    Delivery,
+    Gains,
+    MonitoredReception,
+    Reception,
+)
 from cacc_platoon.model.reception import picked
 from cacc_platoon.scenario import Follower, Scenario
 
@@ -151,15 +158,7 @@ class Trajectory:
     @cached_property
     def spacing_error(self) -> Array:
         """delta_i [m] of followers 1..N, shape (samples, N); positive means too close."""
-        columns = [
-            follower.spacing_policy().spacing_error(
-                self.position[:, column],
-                self.velocity[:, column],
-                self.position[:, column - 1],
-            )
-            for column, follower in enumerate(self.scenario.followers, start=1)
-        ]
-        return np.stack(columns, axis=1)
+        return spacing_errors(self.scenario, self.position, self.velocity)
 
     @cached_property
     def spacing(self) -> Array:
@@ -169,12 +168,64 @@ class Trajectory:
     @cached_property
     def gap(self) -> Array:
         """`spacing` less the length of the vehicle ahead [m], shape (samples, N)."""
-        return np.asarray(self.spacing - np.array(self.scenario.lengths[:-1]), dtype=np.float64)
+        return gaps(self.scenario, self.position)
+
+    @property
+    def ends_in_collision(self) -> bool:
+        """Whether the last sample is the first one at which vehicles touch, and is to be."""
+        last = len(self.position) - 1
+        return self.scenario.run.stop_on_collision and first_collision(self.gap) == last
 
     @cached_property
     def platoon_length(self) -> Array:
         """x_0 - x_N [m], shape (samples,)."""
         return self.position[:, 0] - self.position[:, -1]
+
+
+def spacing_errors(scenario: Scenario, position: Array, velocity: Array) -> Array:
+    """Return delta_i [m] of followers at positions [m] and velocities [m/s].
+
+    They are of shape (samples, N + 1) or (samples, runs, N + 1).
+    """
+    policy = policy_of(scenario.followers, len(position))
+    headway = np.asarray(policy.gains.time_headway)
+    if headway.ndim > 1 and position.ndim > headway.ndim:
+        policy = policy.with_headway(headway[:, np.newaxis])
+    return np.asarray(
+        policy.spacing_error(position[..., 1:], velocity[..., 1:], position[..., :-1])
+    )
+
+
+def policy_of(
+    followers: Sequence[Follower],
+    samples: int,
+    laws: Sequence[ConstantTimeHeadway] | None = None,
+) -> ConstantTimeHeadway:
+    """Return headways and gains of followers, or of laws given for them, as one law of arrays.
+
+    They are of shape (N,), and headways that change of shape (samples, N).
+    """
+    gains = Gains(*np.array([one.gains for one in laws or followers]).T)
+    moving = [follower.headways(samples) for follower in followers]
+    policy = ConstantTimeHeadway(gains, followers[0].standstill_distance)
+    if all(headway is None for headway in moving):
+        return policy
+    columns = [
+        np.full(samples, follower.gains.time_headway) if headway is None else headway
+        for follower, headway in zip(followers, moving, strict=True)
+    ]
+    return policy.with_headway(np.stack(columns, axis=1))
+
+
+def gaps(scenario: Scenario, position: Array) -> Array:
+    """Return the gaps [m] between vehicles at these positions [m], shape (samples, N + 1)."""
+    return np.asarray(position[:, :-1] - position[:, 1:] - np.array(scenario.lengths[:-1]))
+
+
+def first_collision(gap: Array) -> int | None:
+    """Return the first sample at which vehicles touch, of gaps of shape (samples, N)."""
+    touching = (gap <= 0.0).any(axis=1)
+    return int(np.argmax(touching)) if touching.any() else None
 
 
 def law_shares(scenario: Scenario, links: Mapping[int, Array]) -> Array | None:

@@ -8,7 +8,6 @@ many messages it has published by then: messages and counts are two topics and h
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
 from typing import Generic, NamedTuple, Protocol, TypeAlias, TypeVar
 
 from cacc_platoon.model import Reception
@@ -50,6 +49,23 @@ def doubtful_from(sample: int) -> str:
 def seconds(stamp: int) -> str:
     """Return a stamp [ns] for a line of text."""
     return f"{stamp / 1e9:.9g} s"
+
+
+class Sequence:
+    """The stamps of one topic, which must come one step apart from 0 on."""
+
+    def __init__(self, what: str, step_ns: int) -> None:
+        self._what, self._step = what, step_ns
+        self.due = 0
+
+    def take(self, stamp: int) -> None:
+        """Accept the next stamp or raise LockstepError."""
+        if stamp != self.due:
+            raise LockstepError(
+                f"{self._what} is stamped {seconds(stamp)} where {seconds(self.due)} is due: "
+                f"{lost_or_foreign(stamp, self.due, self._step)}"
+            )
+        self.due += self._step
 
 
 class Delivered(NamedTuple, Generic[Message]):
@@ -193,7 +209,7 @@ class CountedInbox:
 class JointInbox:
     """What is used of several links together; messages go to the inboxes of the links."""
 
-    def __init__(self, inboxes: Sequence[Inbox]) -> None:
+    def __init__(self, inboxes: list[Inbox]) -> None:
         self._inboxes = inboxes
 
     def __contains__(self, stamp: object) -> bool:

@@ -19,20 +19,23 @@ from cacc_platoon.model import (
     Sensor,
     State,
     ThirdOrderPlant,
+    TriggeredChannel,
 )
 from cacc_platoon.model.channel import ChannelError
 from cacc_platoon.model.limits import standing
 from cacc_platoon.scenario import Follower, Scenario, ScenarioError
-from cacc_platoon.scenario.follower import packet_source
 from cacc_platoon.scenario.names import NodeKind, NodeName, vehicle_name
+from cacc_platoon.scenario.receiver import packet_source
+from cacc_platoon.scenario.run_event import EventKind, RunEvent
+from cacc_platoon.scenario.timeline import Change
 from cacc_platoon.stepping.deliveries import (
     CountedInbox,
     Inbox,
     JointInbox,
     LockstepError,
     PromptInbox,
+    Sequence,
     doubtful_from,
-    lost_or_foreign,
     seconds,
 )
 
@@ -42,23 +45,7 @@ PublishReception = Callable[[int, int, float], None]
 PublishMonitor = Callable[[int, bool, float], None]
 PublishAcceleration = Callable[[int, float], None]
 PublishCount = Callable[[int, int], None]
-
-
-class Sequence:
-    """The stamps of one topic, which must come one step apart from 0 on."""
-
-    def __init__(self, what: str, step_ns: int) -> None:
-        self._what, self._step = what, step_ns
-        self.due = 0
-
-    def take(self, stamp: int) -> None:
-        """Accept the next stamp or raise LockstepError."""
-        if stamp != self.due:
-            raise LockstepError(
-                f"{self._what} is stamped {seconds(stamp)} where {seconds(self.due)} is due: "
-                f"{lost_or_foreign(stamp, self.due, self._step)}"
-            )
-        self.due += self._step
+Tell = Callable[[RunEvent], None]
 
 
 class LockstepFollower:
@@ -80,6 +67,8 @@ class LockstepFollower:
         Called with stamp [ns], state of the reception and share of the law for every step.
     publish_monitor : callable, optional
         Called with stamp [ns], alarm and excess [m/s] of the monitor, if there is one, likewise.
+    tell : callable, optional
+        Called with what happens to it.
     initial : State, optional
         State at sample 0; by default in equilibrium behind the predecessor.
     """
@@ -94,6 +83,7 @@ class LockstepFollower:
         *,
         publish_reception: PublishReception | None = None,
         publish_monitor: PublishMonitor | None = None,
+        tell: Tell | None = None,
         initial: State[float] | None = None,
     ) -> None:
         self._step_ns = scenario.step_ns
@@ -102,6 +92,8 @@ class LockstepFollower:
         self._spacing_policy = follower.spacing_policy()
         self._law: ControlLaw = law or follower.law()
         self._fallback = follower.fallback_law()
+        self._follower, self._samples = follower, scenario.samples
+        self._move_headway()
         sensing = follower.sensing()
         self._sensor = None if sensing.perfect else Sensor(sensing)
         self._limits, self._stops = follower.limits(), follower.stops
@@ -112,11 +104,15 @@ class LockstepFollower:
         )
         self._publish_state, self._publish_command = publish_state, publish_command
         self._publish_reception, self._publish_monitor = publish_reception, publish_monitor
+        ahead = scenario.lengths[scenario.indices.index(follower.index)]
+        self._length_ahead = ahead if scenario.run.stop_on_collision else -math.inf
+        self._tell = tell or (lambda event: None)
         self._initial = initial
         self._state: State[float] | None = None
         self._stamp = 0
         predecessor = vehicle_name(follower.index - 1)
         self._name = vehicle_name(follower.index)
+        self._node = str(NodeName(NodeKind.VEHICLE, follower.index))
         self._position_sequence = Sequence(f"{self._name}: pose of {predecessor}", self._step_ns)
         self._velocity_sequence = Sequence(f"{self._name}: twist of {predecessor}", self._step_ns)
         self._positions: deque[float] = deque()
@@ -179,9 +175,28 @@ class LockstepFollower:
         self._inboxes[link].count(stamp, int(count))
         self._advance()
 
+    @property
+    def next_sample(self) -> int:
+        """The sample from which on a change can take effect."""
+        return self._stamp // self._step_ns
+
+    def change(self, change: Change) -> None:
+        """Take a change that is not planned."""
+        self._follower = self._follower.changed(change)
+        self._move_headway()
+
+    def _move_headway(self) -> None:
+        headways = self._follower.headways(self._samples)
+        self._headways = None if headways is None else headways.tolist()
+
     def _advance(self) -> None:
         inbox = self._inbox
-        while self._positions and self._velocities and self._stamp in inbox:
+        while (
+            self._positions
+            and self._velocities
+            and self._stamp in inbox
+            and self._stamp <= self._end
+        ):
             self._step(self._positions.popleft(), self._velocities.popleft())
 
     def _step(self, position: float, velocity: float) -> None:
@@ -189,9 +204,32 @@ class LockstepFollower:
         assert state is not None
         stamp = self._stamp
         self._stamp = stamp + self._step_ns
-        motion = state.position, state.velocity, position, velocity
+        if self._headways:
+            headway = self._headways[stamp // self._step_ns]
+            self._law = self._spacing_policy = self._spacing_policy.with_headway(headway)
+        command = self._wanted(stamp, state, (position, velocity))
+        if self._limits:
+            command = self._limits.command(
+                command, self._carried_out, state.velocity, self._plant.step
+            )
+            self._carried_out = command
+        if self._publish_command:
+            delta = self._spacing_policy.spacing_error(state.position, state.velocity, position)
+            gap_error = state.position - position + self._spacing_policy.standstill_distance
+            self._publish_command(stamp, command, delta, gap_error)
+        if position - state.position <= self._length_ahead:
+            self._end = stamp
+            self._tell(RunEvent(EventKind.COLLISION, stamp // self._step_ns, self._node))
+        if stamp < self._end:
+            after = self._plant.advance(state, command)
+            self._state = standing(state, after) if self._stops else after
+            self._publish_state(self._stamp, self._state)
+
+    def _wanted(self, stamp: int, state: State[float], ahead: tuple[float, float]) -> float:
+        """Return the command of the laws, before any limit."""
+        motion = state.position, state.velocity, *ahead
         if self._sensor:
-            motion = (*motion[:2], *self._sensor.ahead(motion[:2], motion[2:]))
+            motion = (*motion[:2], *self._sensor.ahead(motion[:2], ahead))
         received, share = self._receive(stamp, motion[1], motion[3])
         try:
             command = self._law.command(*motion, *received)
@@ -208,22 +246,10 @@ class LockstepFollower:
         if not finite:
             raise LockstepError(
                 f"{self._name}: command at {seconds(stamp)} is {command}: own state {(*state,)}, "
-                f"predecessor's position {position} m and velocity {velocity} m/s, "
+                f"predecessor's position {ahead[0]} m and velocity {ahead[1]} m/s, "
                 f"received acceleration {', '.join(map(str, received))} m/s^2"
             )
-        if self._limits:
-            command = self._limits.command(
-                command, self._carried_out, state.velocity, self._plant.step
-            )
-            self._carried_out = command
-        if self._publish_command:
-            delta = self._spacing_policy.spacing_error(state.position, state.velocity, position)
-            gap_error = state.position - position + self._spacing_policy.standstill_distance
-            self._publish_command(stamp, command, delta, gap_error)
-        if stamp < self._end:
-            after = self._plant.advance(state, command)
-            self._state = standing(state, after) if self._stops else after
-            self._publish_state(self._stamp, self._state)
+        return command
 
     def _receive(self, stamp: int, own: float, ahead: float) -> tuple[tuple[float, ...], float]:
         """Return what is used of each link at a sample, and the share of the law in the command."""
@@ -278,6 +304,7 @@ class LockstepRelay:
                 f"{name}: its channel may lose or delay packets and the scenario does not say so: "
                 "receiver and recorder would wait for every packet. Set v2v.loss or v2v.channel."
             )
+        self._follower, self._samples = follower, scenario.samples
         self._step_ns, self._follows_motion = scenario.step_ns, follower.triggered
         sender = vehicle_name(follower.link.sender)
         self._inputs = [
@@ -303,6 +330,19 @@ class LockstepRelay:
     def take_velocity(self, stamp: int, velocity: float) -> None:
         """Accept the predecessor's velocity [m/s], where it sends as it moves."""
         self._accept(2, stamp, velocity)
+
+    @property
+    def next_sample(self) -> int:
+        """The sample from which on a change can take effect."""
+        return self._sample
+
+    def change(self, change: Change) -> None:
+        """Take a change that is not planned, of what happens to packets sent from then on."""
+        self._follower = self._follower.changed(change)
+        if isinstance(self._packets, TriggeredChannel):
+            self._packets.change(self._follower.composed())
+        else:
+            self._packets = packet_source(self._follower, self._samples, start=self._sample)
 
     def _accept(self, number: int, stamp: int, value: float) -> None:
         self._inputs[number].expect(stamp)

@@ -12,6 +12,7 @@ from typing import Protocol
 
 from cacc_platoon.model import Channel, ControlLaw, State
 from cacc_platoon.scenario import Follower, Scenario
+from cacc_platoon.scenario.timeline import Change
 from cacc_platoon.stepping.lockstep import (
     LockstepFollower,
     LockstepLeader,
@@ -22,13 +23,27 @@ from cacc_platoon.stepping.lockstep import (
     PublishMonitor,
     PublishReception,
     PublishState,
+    Tell,
 )
 
 Clock = Callable[[], int]
 """The time now [ns], never decreasing."""
 
 
-class FollowerStepper(Protocol):
+class Changing(Protocol):
+    """What may take changes that are not planned."""
+
+    @property
+    def next_sample(self) -> int:
+        """The sample from which on a change can take effect."""
+        ...
+
+    def change(self, change: Change) -> None:
+        """Take a change."""
+        ...
+
+
+class FollowerStepper(Changing, Protocol):
     """A follower: takes what it receives, in any order, and publishes its samples."""
 
     def take_position(self, stamp: int, position: float) -> None:
@@ -51,7 +66,7 @@ class FollowerStepper(Protocol):
         ...
 
 
-class RelayStepper(Protocol):
+class RelayStepper(Changing, Protocol):
     """The channel of one link: takes what is sent and publishes what is delivered."""
 
     def take(self, stamp: int, acceleration: float) -> None:
@@ -98,6 +113,7 @@ class Steppers:
         *,
         publish_reception: PublishReception | None = None,
         publish_monitor: PublishMonitor | None = None,
+        tell: Tell | None = None,
         law: ControlLaw | None = None,
         initial: State[float] | None = None,
     ) -> FollowerStepper:
@@ -110,6 +126,7 @@ class Steppers:
             law,
             publish_reception=publish_reception,
             publish_monitor=publish_monitor,
+            tell=tell,
             initial=initial,
         )
 

@@ -15,6 +15,8 @@ from pathlib import Path
 
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.names import NodeName, host_name
+from cacc_platoon.scenario.run_event import EventKind
+from cacc_platoon.scenario.timeline import change_of
 from cacc_platoon.supervision.protocol import HostState, OtherVersionError, ProtocolError
 from cacc_platoon.supervision.run_events import MessageRefused
 from msg_adapters.topics import Graph
@@ -167,7 +169,7 @@ class Belief:
             doubt = _doubt_own(state, own, processes.get(own.name, own.pid))
         else:
             doubt = self._doubt_manual(state, known, waiting)
-        if doubt:
+        if doubt := doubt or _doubt_events(state):
             return f"host {state.host}: {doubt}: the message comes from {FOREIGN}"
         return "" if own else self._recorded_elsewhere(state)
 
@@ -218,7 +220,7 @@ class Belief:
             for topic, node in self._publishers.items()
         }
         topics = self._platoon
-        for topic in (topics.status, topics.horizon, topics.scenario):
+        for topic in (topics.status, topics.horizon, topics.scenario, topics.events):
             allowed[topic] = self._names(["supervisor"] if started else [])
         for host in own:
             allowed[topics.recorded(host.name)] = self._names(host.all_nodes)
@@ -248,6 +250,18 @@ def _doubt_own(state: HostState, own: OwnHost, pid: int | None) -> str:
 def _doubt_records(state: HostState, recordable: frozenset[str]) -> str:
     if strange := [topic for topic in state.records if topic not in recordable]:
         return f"says that it records {strange[0]}, which none of its nodes publishes"
+    return ""
+
+
+def _doubt_events(state: HostState) -> str:
+    if strange := [event.node for event in state.events if event.node not in state.nodes]:
+        return f"says what happened in {strange[0]}, which it does not run"
+    for event in state.events:
+        if event.kind is EventKind.CHANGE:
+            try:
+                change_of(event)
+            except ValueError as error:
+                return f"says that {error}"
     return ""
 
 

@@ -13,6 +13,7 @@ from rclpy.node import Node
 
 from cacc_platoon.dds import shared_memory
 from cacc_platoon.nodes.executor import spin_for
+from cacc_platoon.scenario.run_event import RunEvent
 from cacc_platoon.supervision.launcher import HostProcesses
 from cacc_platoon.supervision.log import LOG, logs_to_stderr
 from cacc_platoon.supervision.protocol import RunPhase
@@ -35,6 +36,7 @@ from cacc_platoon.supervision.run_events import (
     RecordTheRest,
     SignalReceived,
     StartHosts,
+    Tell,
     Tick,
     Warn,
 )
@@ -71,6 +73,9 @@ class Crew:
 
     def record_the_rest(self, topics: Sequence[str]) -> None:
         """Start a host in this process that records topics."""
+
+    def note(self, event: RunEvent) -> None:
+        """Write down what happened."""
 
     def close_own_host(self) -> None:
         """Close the host in this process, if there is one."""
@@ -132,6 +137,11 @@ class Conductor:
         self.run = machine.begin(run_id, time.monotonic())
         self.start_time: float | None = None
         node.feed = self.feed
+
+    @property
+    def samples(self) -> int:
+        """How many samples the run has when it is complete."""
+        return self._machine.last_sample(self.run) + 1
 
     def conduct(self) -> EndRun:
         """Bring the run to its end, and end every process; return how it ended.
@@ -217,6 +227,9 @@ class Conductor:
                 self._crew.start_hosts()
             case RecordTheRest(topics):
                 self._crew.record_the_rest(topics)
+            case Tell(event):
+                self._node.publish_event(event)
+                self._crew.note(event)
             case CloseOwnHost():
                 self._crew.close_own_host()
             case EndRun() if action.message:

@@ -125,6 +125,8 @@ def _spin(
     while not session.ended:
         spin_for(executor, POLL_PERIOD)
         session.poll()
+        if recorder:
+            recorder.end_at(session.samples)
         if time.monotonic() - flushed > FLUSH_PERIOD:
             flushed = time.monotonic()
             shared_memory.note_segments()

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
+from cacc_platoon.scenario.run_event import RunEvent
 from cacc_platoon.supervision.protocol import HostPhase, HostState, RunPhase, RunStatus, sendable
 
 
@@ -78,6 +79,11 @@ class HostMachine:
         """Whether the supervisor has ended the run."""
         return self.status is not None and self.status.phase.ended
 
+    @property
+    def samples(self) -> int:
+        """How many samples the run takes, as far as the supervisor has said; 0 before."""
+        return self.status.samples if self.status else 0
+
     def abandoned(self, now: float) -> bool:
         """Whether the supervisor was there once and has fallen silent."""
         return self.received_at is not None and now - self.received_at > self.silence_limit
@@ -108,6 +114,10 @@ class HostMachine:
             return self
         state = replace(self.state, phase=HostPhase.FAILED, failure=sendable(reason))
         return replace(self, state=state)
+
+    def take_events(self, events: Iterable[RunEvent]) -> HostMachine:
+        """Take note of what more has happened in the nodes."""
+        return replace(self, state=replace(self.state, events=(*self.state.events, *events)))
 
     def close(self) -> HostMachine:
         """Report that the host is done and its part is closed."""

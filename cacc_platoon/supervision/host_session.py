@@ -11,7 +11,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
 from std_msgs.msg import String
 
 from cacc_platoon.nodes import qos
@@ -30,6 +29,8 @@ from cacc_platoon.supervision.protocol import (
 from cacc_platoon.supervision.run_state import some
 from msg_adapters.topics import PlatoonTopics
 
+STATES = 10
+"""States of a host that there is room for; few of them matter."""
 SUPERVISOR_LIMIT = 10.0
 """So many start time-outs a host waits for a run."""
 
@@ -85,7 +86,7 @@ class HostSession:
         self._waits_since = time.monotonic()
         self._machine = HostMachine(state, 2.0 * scenario.run.stall_timeout + 5.0)
         topics, carrier = PlatoonTopics(scenario.platoon.namespace), self._nodes[0]
-        self._publisher = carrier.create_publisher(String, topics.host_state, _many_latched())
+        self._publisher = carrier.create_publisher(String, topics.host_state, qos.latched(STATES))
         carrier.create_subscription(String, topics.status, self._on_status, qos.latched())
         LOG.info("host %s: process %d, %s", host, state.pid, ", ".join(state.nodes))
         self._publish()
@@ -113,6 +114,11 @@ class HostSession:
         return self._machine.ended
 
     @property
+    def samples(self) -> int:
+        """How many samples the run takes, as far as the supervisor has said; 0 before."""
+        return self._machine.samples
+
+    @property
     def abandoned(self) -> bool:
         """Whether the supervisor was there once and has fallen silent."""
         return self._machine.abandoned(time.monotonic())
@@ -132,6 +138,9 @@ class HostSession:
         for node in self._nodes:
             if failures := getattr(node, "failures", None):
                 self.fail(failures[0])
+            if events := getattr(node, "events", None):
+                self._go_on(self._machine.take_events(events))
+                events.clear()
         if self._machine.awaits_connections:
             self._go_on(self._machine.take_connections(self._endpoints()))
 
@@ -202,10 +211,3 @@ class HostSession:
     def _relative(self, node: Node) -> str:
         name: str = node.get_fully_qualified_name()
         return name.removeprefix(self._prefix)
-
-
-def _many_latched() -> QoSProfile:
-    """Return the latched profile with room for the few changes of a host's state."""
-    profile = qos.latched()
-    profile.depth = 10
-    return profile

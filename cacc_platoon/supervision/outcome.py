@@ -30,7 +30,11 @@ def lacking(topics: Iterable[str], samples: int, counts: Mapping[str, int]) -> s
 
 
 def conclude(
-    scenario: Scenario, topics: Iterable[str], end: EndRun, counts: Mapping[str, int]
+    scenario: Scenario,
+    topics: Iterable[str],
+    end: EndRun,
+    counts: Mapping[str, int],
+    samples: int,
 ) -> tuple[EndStatus, str]:
     """Return how a run ended and why it did not finish.
 
@@ -44,9 +48,11 @@ def conclude(
         How the run ended as far as its nodes know.
     counts : mapping of str to int
         How many samples of each topic were recorded.
+    samples : int
+        How many there have to be.
     """
     status, message, stalled = end.status, end.message, end.stalled
-    if status is EndStatus.FINISHED and (short := lacking(topics, scenario.samples, counts)):
+    if status is EndStatus.FINISHED and (short := lacking(topics, samples, counts)):
         status, message, stalled = EndStatus.FAILED, short, True
     if status is EndStatus.FAILED:
         who = stopped_first(scenario, counts) if stalled else []

@@ -20,10 +20,13 @@ from cacc_platoon.dds import shared_memory
 from cacc_platoon.dds.environment import is_local
 from cacc_platoon.nodes.executor import create_executor
 from cacc_platoon.nodes.recorder import RecorderNode
+from cacc_platoon.runs.events import append_events
 from cacc_platoon.runs.folder import UNFINISHED, RunFolder
 from cacc_platoon.runs.info import EndStatus, RunInfo
 from cacc_platoon.runs.parts import read_parts
 from cacc_platoon.scenario import Scenario
+from cacc_platoon.scenario.run_event import EventKind, RunEvent
+from cacc_platoon.scenario.timeline import change_of
 from cacc_platoon.supervision.belief import Belief, OwnHost
 from cacc_platoon.supervision.conductor import Conductor, Crew, Observer
 from cacc_platoon.supervision.host import FLUSH_PERIOD
@@ -104,10 +107,10 @@ def run_platoon(
         end_supervisor(node)
         raise
     with logging_to(folder.logs / f"{OWN_HOST}.log"):
-        conductor = _conductor(node, folder, plans, run_id, observe=observe, stopped=stopped)
+        conductor, crew = _conductor(node, folder, plans, run_id, observe=observe, stopped=stopped)
         try:
             conductor.conduct()
-            return _finish(folder, scenario, conductor, _until(insisted, observe))
+            return _finish(folder, crew.scenario, conductor, _until(insisted, observe))
         except BaseException as error:
             _say_what_happened(folder, error)
             raise
@@ -162,6 +165,11 @@ class RunCrew(Crew):
         Spins the recorder.
     folder : RunFolder
         Where it records.
+
+    Attributes
+    ----------
+    scenario : Scenario
+        What is run, with the changes that were not planned.
     """
 
     def __init__(
@@ -173,7 +181,7 @@ class RunCrew(Crew):
         folder: RunFolder,
     ) -> None:
         super().__init__()
-        self._scenario, self._run_id, self._plans = scenario, run_id, plans
+        self.scenario, self._run_id, self._plans = scenario, run_id, plans
         self._executor, self._folder = executor, folder
         self._trouble = ""
         self._recorder: RecorderNode | None = None
@@ -186,15 +194,15 @@ class RunCrew(Crew):
 
     def record_the_rest(self, topics: Sequence[str]) -> None:
         """Record topics in this process."""
-        recorded = [topic for topic in Graph.of(self._scenario).recorded if topic.name in topics]
+        recorded = [topic for topic in Graph.of(self.scenario).recorded if topic.name in topics]
         part = self._folder.parts / OWN_HOST
-        self._recorder = RecorderNode(self._scenario, OWN_HOST, recorded, part)
+        self._recorder = RecorderNode(self.scenario, OWN_HOST, recorded, part)
         self.nodes.append(self._recorder)
         self._executor.add_node(self._recorder)
         self._session = HostSession(
             OWN_HOST,
             [self._recorder],
-            self._scenario,
+            self.scenario,
             records=self._recorder.recorded,
             part=str(self._recorder.folder),
             run=self._run_id,
@@ -202,8 +210,9 @@ class RunCrew(Crew):
 
     def poll(self) -> None:
         """Keep the host in this process going."""
-        if self._session:
+        if self._session and self._recorder:
             self._session.poll()
+            self._recorder.end_at(self._session.samples)
         if time.monotonic() - self._flushed > FLUSH_PERIOD:
             self._flushed = time.monotonic()
             shared_memory.note_segments()
@@ -215,6 +224,15 @@ class RunCrew(Crew):
     def trouble(self) -> str:
         """Say what the run cannot do without and has lost."""
         return self._trouble or super().trouble()
+
+    def note(self, event: RunEvent) -> None:
+        """Write down what happened; a disk that is full is told of by who records."""
+        with contextlib.suppress(OSError):
+            append_events(self._folder.path, [event], self.scenario.run.step)
+            planned = [change.event for change in self.scenario.changes]
+            if event.kind is EventKind.CHANGE and event not in planned:
+                self.scenario = self.scenario.with_changes([change_of(event)])
+                self._folder.write_scenario(self.scenario)
 
     def close_own_host(self) -> None:
         """Say that the host in this process is done."""
@@ -236,8 +254,8 @@ def _conductor(
     *,
     observe: Observer,
     stopped: Callable[[], str | None],
-) -> Conductor:
-    """Return who brings the run from its beginning to its end."""
+) -> tuple[Conductor, RunCrew]:
+    """Return who brings the run from its beginning to its end, and with whom."""
     scenario, executor = node.scenario, create_executor()
     executor.add_node(node)
     shared_memory.note_segments()
@@ -247,7 +265,10 @@ def _conductor(
     hosts = [(plan.name, plan.nodes, plan.part) for plan in plans]
     machine = RunMachine(scenario, topics, Belief.in_run(scenario, hosts, own))
     crew = RunCrew(scenario, run_id, plans, executor, folder)
-    return Conductor(node, executor, machine, crew, run_id=run_id, observe=observe, stopped=stopped)
+    conductor = Conductor(
+        node, executor, machine, crew, run_id=run_id, observe=observe, stopped=stopped
+    )
+    return conductor, crew
 
 
 def _finish(
@@ -257,14 +278,17 @@ def _finish(
     progress: Callable[[int, int], None],
 ) -> Outcome:
     """Write run.json and the bag."""
-    from cacc_platoon.runs.recording import recorded_samples  # noqa: PLC0415  (heavy)
+    from cacc_platoon.runs.recording import first_samples, recorded_samples  # noqa: PLC0415  (heavy)
 
     run = conductor.run
     assert run.end is not None
     recording = {**folder.recording(), **_parts_elsewhere(folder, run)}
     topics = [topic.name for topic in Graph.of(scenario).recorded]
+    samples = conductor.samples
+    if samples < scenario.samples:
+        recording = first_samples(recording, Graph.of(scenario), samples * scenario.step_ns)
     counts = recorded_samples(recording, Graph.of(scenario))
-    status, message = conclude(scenario, topics, run.end, counts)
+    status, message = conclude(scenario, topics, run.end, counts, samples)
     LOG.info("%s", ": ".join(filter(None, [status, message])))
     info = _measured(conductor, scenario, folder.begun, status, message)
     try:
@@ -303,7 +327,7 @@ def _measured(
         message=message,
         samples=run.progress + 1,
         wall_time=wall,
-        real_time_factor=scenario.run.duration / wall if wall else None,
+        real_time_factor=run.progress * scenario.run.step / wall if wall else None,
         start_time=conductor.start_time,
         hosts=summaries(run),
     )

@@ -15,6 +15,7 @@ from enum import StrEnum
 from typing import TypeAlias
 
 from cacc_platoon.runs.info import HostInfo
+from cacc_platoon.scenario.run_event import EventKind, RunEvent
 from cacc_platoon.supervision.json_fields import (
     VERSION,
     Fields,
@@ -91,6 +92,8 @@ class HostState:
         Why the run has to end; empty when all is well.
     parameters : mapping
         Parameters of manually started nodes, which have to be those of the run.
+    events : tuple of RunEvent
+        What happened in its nodes so far.
     """
 
     run: str
@@ -105,6 +108,7 @@ class HostState:
     missing: tuple[str, ...] = ()
     failure: str = ""
     parameters: Parameters = field(default_factory=dict)
+    events: tuple[RunEvent, ...] = ()
 
     def to_json(self) -> str:
         """Return the text of this record."""
@@ -123,6 +127,7 @@ class HostState:
                 "missing": self.missing,
                 "failure": self.failure,
                 "parameters": self.parameters,
+                "events": [event._asdict() for event in self.events],
             }
         )
 
@@ -149,6 +154,7 @@ class HostState:
             missing=fields.texts("missing"),
             failure=fields.text("failure"),
             parameters=fields.parameters("parameters"),
+            events=tuple(_run_event(event) for event in fields.items("events")),
         )
 
 
@@ -214,6 +220,17 @@ class RunStatus:
             hosts=tuple(_host_info(host) for host in fields.items("hosts")),
             subscribers=fields.counts("subscribers"),
         )
+
+
+def _run_event(value: object) -> RunEvent:
+    """Return the event of a JSON value, or raise ProtocolError."""
+    fields = Fields(value, "an event")
+    return RunEvent(
+        kind=fields.choice("kind", EventKind),
+        sample=fields.integer("sample", at_least=0),
+        node=fields.name("node"),
+        text=fields.text("text"),
+    )
 
 
 def _host_info(value: object) -> HostInfo:

@@ -7,6 +7,7 @@ window ahead of the answers.
 
 from __future__ import annotations
 
+import dataclasses
 import multiprocessing
 import signal
 import sys
@@ -243,6 +244,8 @@ def plan_replay(
     scenario: Scenario, node: str, index: int, initial: State[float] | None = None
 ) -> NodePlan:
     """Return the plan of a node that is to be replayed."""
+    on = dataclasses.replace(scenario.run, stop_on_collision=False)
+    scenario = dataclasses.replace(scenario, run=on)
     run, name = uuid.uuid4().hex, NodeName(NodeKind(node), index)
     return NodePlan(run, REPLAYED, name, scenario, initial, logs_to_stderr())
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from cacc_platoon.runs.info import EndStatus
+from cacc_platoon.scenario.run_event import RunEvent
 from cacc_platoon.supervision.protocol import HostState, RunPhase
 
 
@@ -165,6 +166,13 @@ class PublishHorizon:
 
 
 @dataclass(frozen=True)
+class Tell:
+    """Write down, and tell everybody, what happened."""
+
+    event: RunEvent
+
+
+@dataclass(frozen=True)
 class CloseOwnHost:
     """Close the host in the supervisor's process, if there is one."""
 
@@ -200,6 +208,7 @@ Action: TypeAlias = (
     | RecordTheRest
     | PublishStatus
     | PublishHorizon
+    | Tell
     | CloseOwnHost
     | EndRun
 )

@@ -14,7 +14,7 @@ from dataclasses import replace
 
 from cacc_platoon.runs.info import EndStatus
 from cacc_platoon.scenario import Scenario
-from cacc_platoon.stepping.deliveries import DOUBT
+from cacc_platoon.scenario.run_event import EventKind, RunEvent
 from cacc_platoon.supervision.agreement import disagreements
 from cacc_platoon.supervision.belief import FOREIGN, Belief, beyond
 from cacc_platoon.supervision.newcomers import (
@@ -47,6 +47,7 @@ from cacc_platoon.supervision.run_events import (
     RecordTheRest,
     RivalHeard,
     StartHosts,
+    Tell,
     Tick,
 )
 from cacc_platoon.supervision.run_state import (
@@ -59,11 +60,13 @@ from cacc_platoon.supervision.run_state import (
     refuse,
     silent_hosts,
     some,
+    spoiled,
     summaries,
     unmatched,
     wanted_subscribers,
     warn,
     whose_process,
+    with_news,
 )
 from msg_adapters.topics import PlatoonTopics
 
@@ -116,6 +119,7 @@ class RunMachine:
         self._newcomer_wait = newcomer_wait
         self._start_limit, self._stall_limit = start_limit(scenario), stall_limit(scenario)
         platoon = PlatoonTopics(scenario.platoon.namespace)
+        self._changes = scenario.changes
         self._control = (platoon.status, platoon.horizon, platoon.scenario)
 
     def begin(self, run_id: str, now: float) -> Run:
@@ -141,11 +145,15 @@ class RunMachine:
             run=run.id,
             phase=run.phase,
             sample=run.progress,
-            samples=self.samples,
+            samples=self.last_sample(run) + 1,
             message=sendable(run.end.message) if run.end else "",
             hosts=summaries(run),
             subscribers=wanted_subscribers(run, outside) if outside else {},
         )
+
+    def last_sample(self, run: Run) -> int:
+        """Return the sample at which a run ends, as far as that is known."""
+        return self.samples - 1 if run.collided is None else min(self.samples - 1, run.collided)
 
     def step(self, run: Run, event: Event, now: float) -> Step:
         """Return the next state of a run and what is to be done.
@@ -209,7 +217,9 @@ class RunMachine:
         if state.records and state.host not in recorded:
             recorded = {**recorded, state.host: -1}
             actions = [FollowRecorder(state.host)]
-        return run._replace(hosts={**run.hosts, state.host: state}, recorded=recorded), actions
+        run, news = with_news(run, state, stops=self.scenario.run.stop_on_collision)
+        run = run._replace(hosts={**run.hosts, state.host: state}, recorded=recorded)
+        return run, [*news, *actions]
 
     def _doubt(self, run: Run, state: HostState) -> str:
         waiting = run.phase is RunPhase.WAITING
@@ -274,7 +284,8 @@ class RunMachine:
         if run.stage is Stage.CHECKING:
             run = run._replace(stage=Stage.RUNNING, phase=RunPhase.RUNNING, started=now, moved=now)
             run, actions = self._pace(run, now)
-            return run, [PublishStatus(), *actions]
+            begun = RunEvent(EventKind.START, 0, OWN_HOST)
+            return run, [Tell(begun), PublishStatus(), *actions]
         return run, []
 
     def _await_nodes(self, run: Run, now: float) -> Step:
@@ -313,7 +324,13 @@ class RunMachine:
         return run, self._look_now_and_then(run, now)
 
     def _watch(self, run: Run, now: float) -> Step:
-        if run.progress >= self.samples - 1:
+        due = [one for one in self._changes if run.told < one.sample <= run.progress]
+        told: list[Action] = [Tell(change.event) for change in due]
+        run, actions = self._go_on(run._replace(told=run.progress), now)
+        return run, [*told, *actions]
+
+    def _go_on(self, run: Run, now: float) -> Step:
+        if run.progress >= self.last_sample(run):
             return self._leave(run._replace(ended=now), EndRun(EndStatus.FINISHED), now)
         if now - run.moved > self._stall_limit:
             message = self.stalled(run, self._stall_limit)
@@ -361,26 +378,15 @@ class RunMachine:
         return run, [PublishStatus(), CloseOwnHost()]
 
     def _take_leave(self, run: Run, now: float) -> Step:
-        run, actions = self._spoil(run)
+        run, actions = spoiled(run)
         assert run.end is not None
         waited_for = silent_hosts(run)
         if waited_for and now - run.since <= GOODBYE_TIMEOUT:
             return run, actions
         end = replace(run.end, silent=tuple(waited_for))
-        return run._replace(stage=Stage.OVER, end=end), [*actions, end]
-
-    @staticmethod
-    def _spoil(run: Run) -> Step:
-        """Let a complete run fail by what a host reports while it ends, such as a full disk.
-
-        What others send after the last sample spoils nothing, unless it came before what is ours.
-        """
-        failures = [host.failure for host in run.hosts.values() if host.failure]
-        own = [text for text in failures if FOREIGN not in text or DOUBT in text]
-        if run.phase is not RunPhase.FINISHED or not own:
-            return run, []
-        end = EndRun(EndStatus.FAILED, joined(own[:NAMED_FAILURES]))
-        return run._replace(phase=RunPhase.FAILED, end=end), [PublishStatus()]
+        how = ": ".join(filter(None, [end.status, end.message]))
+        over = RunEvent(EventKind.END, max(run.progress, 0), OWN_HOST, sendable(how))
+        return run._replace(stage=Stage.OVER, end=end), [*actions, Tell(over), end]
 
     # The texts; a replay has others.
 

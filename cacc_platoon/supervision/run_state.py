@@ -8,10 +8,19 @@ from enum import StrEnum
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from cacc_platoon.runs.info import HostInfo
+from cacc_platoon.runs.info import EndStatus, HostInfo
+from cacc_platoon.scenario.run_event import EventKind
+from cacc_platoon.stepping.deliveries import DOUBT
 from cacc_platoon.supervision.belief import FOREIGN
 from cacc_platoon.supervision.protocol import HostPhase, HostState, RunPhase
-from cacc_platoon.supervision.run_events import EndRun, ProcessEnded, Warn
+from cacc_platoon.supervision.run_events import (
+    Action,
+    EndRun,
+    ProcessEnded,
+    PublishStatus,
+    Tell,
+    Warn,
+)
 
 NAMED_FAILURES = 3
 """So many failures are named in the message; others follow from them."""
@@ -74,6 +83,10 @@ class Run(NamedTuple):
         Hosts whose process is gone.
     refused : tuple of str
         Messages that are none of ours.
+    collided : int, optional
+        Sample of the first collision that is to end the run.
+    told : int
+        Sample up to which everybody was told of planned changes.
     signal : str
         Who asked for the end, if anybody.
     end : EndRun, optional
@@ -99,6 +112,8 @@ class Run(NamedTuple):
     ended: float | None = None
     ended_processes: Mapping[str, ProcessEnded] = _NOTHING
     refused: tuple[str, ...] = ()
+    collided: int | None = None
+    told: int = -1
     signal: str = ""
     graph_checked: float = float("-inf")
     status_published: float = float("-inf")
@@ -158,6 +173,34 @@ def warn(run: Run, lines: Sequence[str]) -> tuple[Run, list[Warn]]:
     """Return the run, and the warnings that the user has not had; after some, there are no more."""
     new = [line for line in lines if line not in run.warned][: MOST_WARNINGS - len(run.warned)]
     return run._replace(warned=run.warned.union(new)), [Warn(line) for line in new]
+
+
+def with_news(run: Run, state: HostState, *, stops: bool) -> tuple[Run, list[Action]]:
+    """Return the run after what is new in a host's nodes, and how everybody learns of it.
+
+    Where a collision `stops` the run, the first one is its end.
+    """
+    known = run.hosts.get(state.host)
+    news = state.events[len(known.events) if known else 0 :]
+    told: list[Action] = [Tell(event) for event in news]
+    collisions = [event.sample for event in news if event.kind is EventKind.COLLISION]
+    if not (stops and collisions):
+        return run, told
+    first = min(collisions if run.collided is None else [run.collided, *collisions])
+    return run._replace(collided=first), [*told, PublishStatus()]
+
+
+def spoiled(run: Run) -> tuple[Run, list[Action]]:
+    """Let a complete run fail by what a host reports while it ends, such as a full disk.
+
+    What others send after the last sample spoils nothing, unless it came before what is ours.
+    """
+    failures = [host.failure for host in run.hosts.values() if host.failure]
+    own = [text for text in failures if FOREIGN not in text or DOUBT in text]
+    if run.phase is not RunPhase.FINISHED or not own:
+        return run, []
+    end = EndRun(EndStatus.FAILED, joined(own[:NAMED_FAILURES]))
+    return run._replace(phase=RunPhase.FAILED, end=end), [PublishStatus()]
 
 
 def silent_hosts(run: Run) -> list[str]:

@@ -23,8 +23,10 @@ from cacc_platoon.dds import shared_memory
 from cacc_platoon.dds.platoon_lock import PlatoonLock
 from cacc_platoon.errors import UserError
 from cacc_platoon.nodes import qos, ros_parameters
+from cacc_platoon.runs.events import event_line
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import format_scenario
+from cacc_platoon.scenario.run_event import RunEvent
 from cacc_platoon.scenario.table import GROUPS
 from cacc_platoon.supervision.belief import refusal
 from cacc_platoon.supervision.participant import start_ros, taking_part
@@ -39,7 +41,8 @@ from cacc_platoon.supervision.run_events import (
 from cacc_platoon.supervision.run_state import some
 from msg_adapters.topics import Graph
 
-MAX_HOSTS = 1000
+MANY = 1000
+"""Hosts, and events, that there is room for."""
 UNKNOWN = "_NODE_NAME_UNKNOWN_"
 NAMELESS_LIMIT = 10.0
 """How long the graph may take to tell the node of a publisher that it shows [s]."""
@@ -85,16 +88,20 @@ class SupervisorNode(Node):  # type: ignore[misc]
         self._status = self.create_publisher(String, self.topics.status, latched)
         self._scenario_publisher = self.create_publisher(String, self.topics.scenario, latched)
         self._scenario_publisher.publish(String(data=format_scenario(self.scenario)))
+        self._events = self.create_publisher(String, self.topics.events, qos.latched(MANY))
         self.create_subscription(String, self.topics.status, self._on_status, latched)
-        profile = qos.latched()
-        profile.depth = MAX_HOSTS
-        self.create_subscription(String, self.topics.host_state, self._on_host_state, profile)
+        many = qos.latched(MANY)
+        self.create_subscription(String, self.topics.host_state, self._on_host_state, many)
 
     def publish_status(self, status: RunStatus) -> None:
         """Tell everybody how far the run is."""
         text = status.to_json()
         self._sent.append(text)
         self._status.publish(String(data=text))
+
+    def publish_event(self, event: RunEvent) -> None:
+        """Tell everybody what happened."""
+        self._events.publish(String(data=event_line(event, self.scenario.run.step)))
 
     def publish_horizon(self, sample: int) -> None:
         """Let the leader go as far as a sample."""

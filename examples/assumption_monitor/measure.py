@@ -119,6 +119,7 @@ def drive(offset: float, duration: float) -> Values:
         "leader.speeds": (first, *speeds[later].tolist()),
         "platoon.initial_speed": first,
         "run.duration": duration,
+        "run.stop_on_collision": False,
         "v2v.monitor": "report",
     }
 

@@ -143,5 +143,5 @@ def test_another_kind_of_law_is_never_taken_for_the_usual_one(monkeypatch):
 def test_any_impairment_that_is_not_prompt_is_counted(monkeypatch):
     follower = Scenario.from_values({**SHORT, "v2v.loss": 0.0}).follower(1)
     assert not follower.counted
-    monkeypatch.setattr(Follower, "_composed", lambda *_: ComposedChannel([Late()]))
+    monkeypatch.setattr(Follower, "composed", lambda *_: ComposedChannel([Late()]))
     assert follower.counted

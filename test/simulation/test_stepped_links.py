@@ -8,9 +8,14 @@ import numpy as np
 import pytest
 
 from cacc_platoon.analysis import compute_metrics
+from cacc_platoon.analysis.consistency import check_consistency, check_links
+from cacc_platoon.runs.events import events_of
 from cacc_platoon.scenario import Scenario
+from cacc_platoon.scenario.run_event import EventKind
+from cacc_platoon.scenario.timeline import Change
 from cacc_platoon.simulation import monte_carlo, simulate, simulate_mean
 from cacc_platoon.simulation.monitoring import alarms
+from cacc_platoon.simulation.platoon import commands_of
 from cacc_platoon.stepping.lockstep import LockstepFollower, LockstepLeader, LockstepRelay
 
 SHORT = {"run.duration": 45.0, "platoon.followers": 3}
@@ -64,7 +69,7 @@ def scenario(*parts, own=None):
     return Scenario.from_values({k: v for part in (SHORT, *parts) for k, v in part.items()}, own)
 
 
-def of_nodes(one, published=None):
+def of_nodes(one, adjust=lambda sample, followers, relays: None, published=None):
     """Return the motion of scalar steppers that pass messages on as nodes do, (3, samples, N+1).
 
     What monitors publish is put into `published`, by index of the follower.
@@ -91,6 +96,7 @@ def of_nodes(one, published=None):
     }
     leader = LockstepLeader(one, post("state", 0))
     for k in range(one.samples):
+        adjust(k, followers, relays)
         leader.take_horizon(k)
         while posted:
             kind, index, stamp, value = posted.popleft()
@@ -107,7 +113,8 @@ def of_nodes(one, published=None):
                     if one.follower(behind).triggered:
                         relays[behind].take_velocity(stamp, value.velocity)
                         relays[behind].take_position(stamp, value.position)
-    return np.array(motion).transpose(2, 1, 0)
+    samples = min(map(len, motion))  # fewer where some have run into each other
+    return np.array([one[:samples] for one in motion]).transpose(2, 1, 0)
 
 
 @pytest.mark.parametrize("name", RUNS)
@@ -122,7 +129,7 @@ def test_nodes_and_arrays_agree_to_the_last_bit(name):
 def test_what_a_monitor_publishes_is_what_is_worked_out_from_the_run(name):
     published: dict[int, list[tuple[int, bool]]] = {}
     one = scenario(RUNS[name])
-    of_nodes(one, published)
+    of_nodes(one, published=published)
     found = alarms(simulate(one))
     assert set(found) == set(published) == {1, 2, 3}
     for index, alarm in found.items():
@@ -238,3 +245,101 @@ def test_no_blend_changes_the_command_by_more_than_its_bound():
         jump = np.abs(blended[1:] - frozen)
         assert (jump <= np.abs(u - without)[1:] / 100.0 + 1e-12).all()
         assert jump.max() > 0.0
+
+
+TIMELINE = (
+    "8 link_2 v2v.loss=1",
+    "12 link_2 v2v.loss=0.3",
+    "14 vehicle_2 controller.time_headway=1.3",
+    "20 link_1 v2v.latency=0.07",
+    "24 link_1 v2v.latency=0",
+    "25 link_3 v2v.noise_std=0.2",
+    "26 vehicle_1 controller.time_headway=1.1",
+    "30 vehicle_2 controller.time_headway=0.95",
+    "31 link_3 v2v.bias=0.1",
+)
+
+
+@pytest.mark.parametrize("name", ["ideal", "lossy cam", "silence", "sensors"])
+def test_a_timeline_is_the_same_on_nodes_and_in_arrays(name):
+    one = scenario(RUNS.get(name, {}), {"run.timeline": TIMELINE})
+    run = simulate(one)
+    np.testing.assert_array_equal(of_nodes(one), np.stack(run.motion))
+    assert check_consistency(run).largest == 0.0
+    assert check_links(run).largest == 0.0
+    quiet = simulate(scenario(RUNS.get(name, {})))
+    first = 2501 if name == "none" else 801
+    np.testing.assert_array_equal(run.acceleration[:first], quiet.acceleration[:first])
+    assert (run.acceleration[3000] != quiet.acceleration[3000])[1:].all()
+
+
+@pytest.mark.parametrize("name", ["ideal", "lossy cam"])
+def test_a_change_that_was_not_planned_is_the_planned_one_of_its_sample(name):
+    """A run that is adjusted, and its record replayed: the same bits."""
+    one = scenario(RUNS.get(name, {}), {"run.adjustable": True})
+    asked = {
+        703: (2, "v2v.loss", 1.0),
+        1250: (2, "v2v.loss", 0.1),
+        1302: (1, "controller.time_headway", 1.25),
+        2900: (1, "controller.time_headway", 0.95),
+    }
+    done = []
+
+    def adjust(sample, followers, relays):
+        if sample in asked:
+            vehicle, name, value = asked[sample]
+            stepper = (relays if name == "v2v.loss" else followers)[vehicle]
+            done.append(Change(stepper.next_sample, vehicle, name, value))
+            stepper.change(done[-1])
+
+    found = of_nodes(one, adjust)
+    assert [change.sample - sample for change, sample in zip(done, asked, strict=True)] == [
+        1,
+        1,
+        0,
+        0,
+    ]
+    planned = one.with_changes(done)
+    np.testing.assert_array_equal(found, of_nodes(planned))
+    np.testing.assert_array_equal(found, np.stack(simulate(planned).motion))
+    assert not np.array_equal(found, of_nodes(one))
+
+
+def test_a_headway_changes_without_a_jump_of_the_command():
+    one = scenario({"leader.profile": "constant", "v2v.noise": "none", "run.duration": 300.0})
+    run = simulate(one.with_values({"run.timeline": ["10 vehicle_1 controller.time_headway=1.4"]}))
+    steps = np.abs(np.diff(commands_of(run).wanted[:, 0]))
+    rate = one.controller.headway_rate * one.run.step
+    assert steps[:999].max() < 1e-12
+    assert steps.max() < 1.05 * one.follower(1).gains.k_p * 25.0 * rate
+    assert run.gap[-1, 0] == pytest.approx(5.0 + 1.4 * 25.0, abs=0.3)
+
+
+def test_the_mean_of_400_runs_with_a_timeline_is_the_expectation_run():
+    one = scenario({"run.timeline": TIMELINE, "run.duration": 40.0, "run.step": 0.02})
+    mean, ensemble = simulate_mean(one), monte_carlo(one, 400)
+    known = ensemble.standard_error > 1e-9
+    away = np.abs(ensemble.mean - mean.spacing_error)[known] / ensemble.standard_error[known]
+    assert away.max() < 4.5
+    unchanged = simulate_mean(one.with_values({"run.timeline": TIMELINE[2:]})).spacing_error
+    wrong = np.abs(ensemble.mean - unchanged)[known] / ensemble.standard_error[known]
+    assert wrong.max() > 20.0
+
+
+def test_a_run_ends_at_the_first_collision():
+    crash = {**BRAKE, "leader.deceleration": 9.0, "v2v.noise": "none"}
+    whole = simulate(scenario(crash, {"run.stop_on_collision": False}))
+    run = simulate(scenario(crash))
+    last = len(run.position) - 1
+    assert len(whole.position) == 4501
+    assert run.ends_in_collision
+    assert not whole.ends_in_collision
+    assert (run.gap[-1] <= 0.0).any()
+    assert (run.gap[:-1] > 0.0).all()
+    for first, second in zip(run.motion, whole.motion, strict=True):
+        np.testing.assert_array_equal(first, second[: last + 1])
+    np.testing.assert_array_equal(run.received, whole.received[: last + 1])
+    np.testing.assert_array_equal(of_nodes(scenario(crash)), np.stack(run.motion))
+    (hit,) = (event for event in events_of(run) if event.kind is EventKind.COLLISION)
+    assert hit.sample == last
+    assert compute_metrics(run).first_collision == (int(hit.node[8]), last * 0.01)

@@ -108,14 +108,14 @@ def test_what_a_vehicle_publishes_when_asked_belongs_to_the_run() -> None:
 def test_a_whole_run_lacks_nothing() -> None:
     assert lacking(TOPICS, 101, WHOLE) == ""
     end = EndRun(EndStatus.FINISHED)
-    assert conclude(SCENARIO, TOPICS, end, WHOLE) == (EndStatus.FINISHED, "")
+    assert conclude(SCENARIO, TOPICS, end, WHOLE, 101) == (EndStatus.FINISHED, "")
 
 
 @pytest.mark.parametrize("topic", TOPICS)
 @pytest.mark.parametrize("count", [100, 0, None])
 def test_a_topic_that_lacks_samples_fails_the_run_by_name(topic: str, count: int | None) -> None:
     counts = {name: n for name, n in {**WHOLE, topic: count}.items() if n is not None}
-    status, message = conclude(SCENARIO, TOPICS, EndRun(EndStatus.FINISHED), counts)
+    status, message = conclude(SCENARIO, TOPICS, EndRun(EndStatus.FINISHED), counts, 101)
     assert status is EndStatus.FAILED
     assert message.startswith(f"{topic}: only {count or 0} of 101 samples were recorded; ")
     assert "the last complete sample is" in message
@@ -123,7 +123,7 @@ def test_a_topic_that_lacks_samples_fails_the_run_by_name(topic: str, count: int
 
 def test_a_failed_run_says_who_was_silent_and_what_it_had() -> None:
     end = EndRun(EndStatus.FAILED, "no progress for 2 s", ("host 1 does not answer",))
-    assert conclude(SCENARIO, TOPICS, end, dict.fromkeys(TOPICS, 31)) == (
+    assert conclude(SCENARIO, TOPICS, end, dict.fromkeys(TOPICS, 31), 101) == (
         EndStatus.FAILED,
         "no progress for 2 s; host 1 does not answer; the last complete sample is 30 (0.3 s)",
     )
@@ -131,10 +131,10 @@ def test_a_failed_run_says_who_was_silent_and_what_it_had() -> None:
 
 def test_an_interrupted_run_says_who_interrupted_it_and_no_more() -> None:
     end = EndRun(EndStatus.INTERRUPTED, "stopped by SIGINT", ("host 1 does not answer",))
-    assert conclude(SCENARIO, TOPICS, end, {}) == (EndStatus.INTERRUPTED, "stopped by SIGINT")
+    assert conclude(SCENARIO, TOPICS, end, {}, 101) == (EndStatus.INTERRUPTED, "stopped by SIGINT")
 
 
 def test_a_reason_that_is_a_sentence_goes_on_without_its_full_stop() -> None:
     end = EndRun(EndStatus.FAILED, "it is late. Raise run.start_timeout.")
-    _, message = conclude(SCENARIO, TOPICS, end, WHOLE)
+    _, message = conclude(SCENARIO, TOPICS, end, WHOLE, 101)
     assert message.startswith("it is late. Raise run.start_timeout; the last complete sample is ")

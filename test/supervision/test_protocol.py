@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cacc_platoon.runs.info import HostInfo
+from cacc_platoon.scenario.run_event import EventKind, RunEvent
 from cacc_platoon.supervision.json_fields import MAX_CHARACTERS, MAX_INTEGER, MAX_TEXT
 from cacc_platoon.supervision.protocol import (
     VERSION,
@@ -33,6 +34,7 @@ HOST = HostState(
     missing=("vehicle_2/vehicle: no publisher of /platoon/vehicle_1/pose",),
     failure="the disk is full",
     parameters={"vehicle_2/vehicle": {"run.step": 0.01, "run.seed": 7, "vehicle.tau": [0.1, 0.2]}},
+    events=(RunEvent(EventKind.COLLISION, 12, "vehicle_2/vehicle"),),
 )
 STATUS = RunStatus(
     run="f00d",
@@ -119,10 +121,10 @@ def test_every_run_status_comes_back(status: RunStatus) -> None:
 @BOTH
 def test_the_keys_are_those_of_the_fields_and_the_format(record: HostState | RunStatus) -> None:
     """The wire format: a change of these lists is a change of VERSION."""
-    assert VERSION == 1
+    assert VERSION == 2
     keys = {
         HostState: "format run host pid nodes publishes subscribes records part phase missing "
-        "failure parameters",
+        "failure parameters events",
         RunStatus: "format run phase sample samples message hosts subscribers",
     }
     assert list(json.loads(record.to_json())) == keys[type(record)].split()
@@ -168,14 +170,14 @@ def test_a_key_that_is_not_known_is_passed_over(record: HostState | RunStatus) -
 
 
 @BOTH
-@pytest.mark.parametrize("version", [2, 10**6])
+@pytest.mark.parametrize("version", [1, 3, 10**6])
 def test_another_version_says_so_and_what_to_do(
     record: HostState | RunStatus, version: int
 ) -> None:
     line = reason(record, changed(record, format=version))
     assert line == (
         f"the message is of format {version}, but this version of cacc_platoon understands "
-        "format 1. Use the same version of cacc_platoon for all nodes"
+        "format 2. Use the same version of cacc_platoon for all nodes"
     )
 
 

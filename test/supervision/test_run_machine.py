@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from cacc_platoon.runs.info import EndStatus, HostInfo
 from cacc_platoon.scenario import Scenario
+from cacc_platoon.scenario.run_event import EventKind, RunEvent
 from cacc_platoon.stepping.deliveries import lost_or_foreign
 from cacc_platoon.supervision.belief import Belief, OwnHost, refusal
 from cacc_platoon.supervision.newcomers import (
@@ -49,6 +50,7 @@ from cacc_platoon.supervision.run_events import (
     RivalHeard,
     SignalReceived,
     StartHosts,
+    Tell,
     Tick,
     Warn,
 )
@@ -56,6 +58,7 @@ from cacc_platoon.supervision.run_machine import (
     GOODBYE_TIMEOUT,
     GRAPH_PERIOD,
     HEARTBEAT_PERIOD,
+    OWN_HOST,
     RunMachine,
 )
 from cacc_platoon.supervision.run_state import Stage, some
@@ -186,6 +189,11 @@ def phase(host: HostState, phase: HostPhase) -> HostState:
     return dataclasses.replace(host, phase=phase)
 
 
+def matched(host: HostState) -> HostState:
+    """Return a host whose connections are there."""
+    return phase(host, HostPhase.MATCHED)
+
+
 def failed(host: HostState, reason: str) -> HostReported:
     """Return a host that has failed."""
     return HostReported(dataclasses.replace(host, phase=HostPhase.FAILED, failure=reason))
@@ -215,16 +223,72 @@ def test_a_run_from_start_to_finish() -> None:
     assert play.feed(RecordersConnected(frozenset({"front", "rear"}))) == []
     assert play.after(TICK, HostReported(phase(FRONT, HostPhase.MATCHED))) == []
     last = HostReported(phase(REAR, HostPhase.MATCHED))
-    assert play.after(TICK, last) == [ObserveGraph(), PublishStatus(), PublishHorizon(7)]
+    start = Tell(RunEvent(EventKind.START, 0, OWN_HOST))
+    assert play.after(TICK, last) == [ObserveGraph(), start, PublishStatus(), PublishHorizon(7)]
     assert play.run.phase is RunPhase.RUNNING
     assert play.record(3) == [PublishHorizon(11)]
     play.complete()
     assert play.after(TICK) == [PublishStatus(), CloseOwnHost()]
     assert play.run.phase is RunPhase.FINISHED
     assert play.after(TICK) == []
-    assert play.closed() == [EndRun(EndStatus.FINISHED)]
+    over = Tell(RunEvent(EventKind.END, 100, OWN_HOST, "finished"))
+    assert play.closed() == [over, EndRun(EndStatus.FINISHED)]
     assert play.after(100.0) == []
     assert play.run.stage is Stage.OVER
+
+
+def test_the_first_collision_is_the_end_of_the_run() -> None:
+    play = Play().running()
+    hit = RunEvent(EventKind.COLLISION, 6, "vehicle_1/vehicle")
+    actions = play.feed(HostReported(dataclasses.replace(matched(REAR), events=(hit,))))
+    assert actions == [Tell(hit), PublishStatus()]
+    assert play.machine.status(play.run).samples == 7
+    sooner = RunEvent(EventKind.COLLISION, 5, "vehicle_0/leader")
+    assert Tell(hit) not in play.feed(
+        HostReported(dataclasses.replace(matched(FRONT), events=(sooner,)))
+    )
+    later = RunEvent(EventKind.COLLISION, 7, "vehicle_1/vehicle")
+    told = play.feed(HostReported(dataclasses.replace(matched(REAR), events=(hit, later))))
+    assert told == [Tell(later), PublishStatus()]
+    assert play.machine.status(play.run).samples == 6
+    play.record(4)
+    assert play.run.phase is RunPhase.RUNNING
+    play.record(5)
+    play.after(TICK)
+    assert play.run.phase is RunPhase.FINISHED
+
+
+def test_a_collision_that_is_to_end_nothing_ends_nothing() -> None:
+    play = Play(run__stop_on_collision=False).running()
+    hit = RunEvent(EventKind.COLLISION, 6, "vehicle_1/vehicle")
+    play.feed(HostReported(dataclasses.replace(matched(REAR), events=(hit,))))
+    assert play.machine.status(play.run).samples == 101
+
+
+def test_planned_changes_are_told_when_everybody_is_there() -> None:
+    play = Play(run__timeline=["0.05 link_1 v2v.loss=0.5"]).running()
+    told = Tell(RunEvent(EventKind.CHANGE, 5, "vehicle_1/noise_relay", "v2v.loss=0.5"))
+    play.record(4)
+    assert told not in play.after(TICK)
+    play.record(5)
+    assert told in play.after(TICK)
+    assert told not in play.after(TICK)
+
+
+@pytest.mark.parametrize("node", ["vehicle_9/vehicle", "vehicle_0/leader"])
+def test_nobody_tells_what_happened_in_a_node_of_others(node: str) -> None:
+    play = Play().running()
+    event = RunEvent(EventKind.COLLISION, 6, node)
+    play.feed(HostReported(dataclasses.replace(matched(REAR), events=(event,))))
+    play.after(TICK)
+    assert any(f"says what happened in {node}" in line for line in play.run.failures)
+
+
+def test_what_is_no_change_is_none_of_ours() -> None:
+    play = Play().running()
+    event = RunEvent(EventKind.CHANGE, 6, "vehicle_1/vehicle", "v2v.latency=0.1")
+    play.feed(HostReported(dataclasses.replace(matched(REAR), events=(event,))))
+    assert any("is no change" in line for line in play.run.failures)
 
 
 def test_the_same_events_and_times_lead_to_the_same_run() -> None:

@@ -224,15 +224,23 @@ def test_a_node_that_never_ends_is_ended(platoon: Start, tmp_path: Path) -> None
     shared_memory.sweep()
 
 
-def test_whoever_insists_leaves_the_bag_for_later(platoon: Start) -> None:
-    run = platoon("run.duration=2000", "platoon.followers=3", hosts=2)
-    run.wait((run.folder.path / "run.json").is_file, 30, "run.json")
-    run.wait(lambda: NO_BAG in said(run).message, 300, "the writing of the bag")
-    run.kill("supervisor", signal.SIGINT)
+def after(run: Platoon, seconds: float) -> None:
+    """Wait for some time."""
     begun = time.monotonic()
-    run.wait(lambda: time.monotonic() - begun > REPEATED, 5, "a while")
+    run.wait(lambda: time.monotonic() - begun > seconds, seconds + 5, "a while")
+
+
+def test_whoever_insists_leaves_the_bag_for_later(platoon: Start) -> None:
+    run = platoon("run.duration=300", "platoon.followers=3", hosts=2)
+    run.wait((run.folder.path / "run.json").is_file, 30, "run.json")
+    run.wait(lambda: NO_BAG in said(run).message, 120, "the writing of the bag")
+    run.kill("supervisor", signal.SIGINT)
+    after(run, 0.1)
+    run.kill("supervisor", signal.SIGSTOP)  # so that the bag is not written meanwhile
+    after(run, REPEATED)
     assert not run.folder.bag.exists()
     run.kill("supervisor", signal.SIGINT)
+    run.kill("supervisor", signal.SIGCONT)
     result = run.result()
     assert (result.exit_code, result.status) == (130, "interrupted")
     assert result.message == f"{NO_BAG} (stopped meanwhile)"

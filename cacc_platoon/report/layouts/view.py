@@ -13,7 +13,7 @@ from cacc_platoon.errors import UserError
 from cacc_platoon.figures.style import vehicle_colours
 from cacc_platoon.runs.folder import SCENARIO_FILE, RunFolder
 from cacc_platoon.runs.locate import locate
-from cacc_platoon.runs.recorded_run import identify
+from cacc_platoon.runs.recorded_scenario import identify
 from cacc_platoon.scenario import Follower, Scenario
 from cacc_platoon.scenario.file import load_scenario
 from msg_adapters.topics import Graph, VehicleTopics

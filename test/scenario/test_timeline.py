@@ -1,0 +1,90 @@
+"""Timelines: texts that are read, texts that are refused, changes and the events they are."""
+
+import pytest
+
+from cacc_platoon.scenario import Scenario, ScenarioError
+from cacc_platoon.scenario.run_event import EventKind, RunEvent
+from cacc_platoon.scenario.timeline import CHANGEABLE, Change, change_of, read_change
+
+WRONG = {
+    "20 link_3": "must be",
+    "20 link_3 v2v.loss": "must be",
+    "soon link_3 v2v.loss=1": "must be",
+    "-1 link_3 v2v.loss=1": "must be",
+    "nan link_3 v2v.loss=1": "must be",
+    "1e99 link_3 v2v.loss=1": "must be",
+    "20 link_0 v2v.loss=1": "must be",
+    "20 leader v2v.loss=1": "must be",
+    "20 link_3 v2v.loss=much": "must be",
+    "20 link_3 v2v.period=0.1": "must be",
+    "20 vehicle_3 v2v.loss=1": "must be",
+    "20 link_3 controller.time_headway=1": "must be",
+    "20 vehicle_3 controller.time_headway=0": "controller.time_headway = 0",
+    "20 link_3 v2v.loss=1.5": "v2v.loss = 1.5",
+    "20 link_3 v2v.latency=-0.1": "v2v.latency = -0.1",
+    "20 link_13 v2v.loss=1": "names no follower of this platoon",
+    "200.01 link_3 v2v.loss=1": "must be within the run",
+}
+
+
+@pytest.mark.parametrize("text", WRONG)
+def test_what_cannot_be_carried_out_is_refused_in_a_line(text):
+    with pytest.raises(ScenarioError) as error:
+        Scenario.from_values({"run.timeline": [text]})
+    line = str(error.value)
+    assert WRONG[text] in line
+    assert "\n" not in line
+    assert "run.timeline" in line
+
+
+@pytest.mark.parametrize(
+    ("own", "text"),
+    [
+        ({"controller.law": "module:Law"}, "20 vehicle_3 controller.time_headway=1"),
+        ({"v2v.channel": "module:Channel"}, "20 link_3 v2v.loss=1"),
+    ],
+)
+def test_custom_code_takes_no_changes(own, text):
+    with pytest.raises(ScenarioError, match=r"which module:\w+ ignores"):
+        Scenario.from_values({"run.timeline": [text]}, {3: own})
+
+
+@pytest.mark.parametrize("step", [0.01, 0.003, 0.1])
+@pytest.mark.parametrize("sample", [0, 1, 7, 1999, 123_457])
+def test_a_change_is_read_back_from_its_text(sample, step):
+    for kind, names in CHANGEABLE.items():
+        for name in names:
+            change = Change(sample, 3, name, 1.0 / 3.0)
+            assert change.kind == kind
+            assert read_change(change.text(step), step, "test") == change
+
+
+def test_a_time_between_samples_takes_effect_at_the_next():
+    assert read_change("0.0101 link_1 v2v.loss=1", 0.01, "test").sample == 2
+
+
+def test_changes_come_in_the_order_of_time_and_the_last_of_a_sample_counts():
+    texts = ["3 link_1 v2v.loss=0.3", "1 link_1 v2v.loss=0.1", "1 link_1 v2v.loss=0.2"]
+    stages = Scenario.from_values({"run.timeline": texts}).follower(1).stages
+    assert [(start, stage.v2v.loss) for start, stage in stages] == [
+        (0, 0.0),
+        (100, 0.2),
+        (300, 0.3),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("node", "text"),
+    [
+        ("vehicle_3/vehicle", "v2v.loss=1.0"),
+        ("vehicle_3/noise_relay", "controller.time_headway=1.0"),
+        ("vehicle_3/noise_relay", "v2v.latency=0.1"),
+        ("vehicle_3/noise_relay", "v2v.loss=2.0"),
+        ("vehicle_3/noise_relay", "v2v.loss=nan"),
+        ("vehicle_3/noise_relay", "v2v.loss"),
+        ("leader", "v2v.loss=1.0"),
+    ],
+)
+def test_an_event_of_no_change_is_refused(node, text):
+    with pytest.raises((ValueError, ScenarioError)):
+        change_of(RunEvent(EventKind.CHANGE, 5, node, text))
