@@ -14,6 +14,7 @@ own, start its node yourself: see `manual_nodes`.
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import shutil
 import signal
@@ -23,15 +24,16 @@ import tempfile
 import time
 import weakref
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 import rclpy
+from rcl_interfaces.srv import SetParameters
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from std_msgs.msg import String
@@ -45,48 +47,15 @@ from cacc_platoon.runs.folder import RunFolder
 from cacc_platoon.runs.info import HostInfo, RunInfo
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import format_scenario, load_scenario
-from cacc_platoon.simulation import Trajectory
 from cacc_platoon.supervision.protocol import ProtocolError, RunStatus
+from cacc_platoon.supervision.supervisor_node import MANY
+from cacc_platoon.testing.result import Result
 from msg_adapters.topics import PlatoonTopics, Topic
 
 PATIENCE = 60.0
 GOODBYE = 10.0
 MARK = "CACC_PLATOON_TEST"
 ENTRY_POINTS = "cacc_platoon.supervision.entry_points"
-
-
-@dataclass(frozen=True)
-class Result:
-    """How a platoon's run ended.
-
-    Attributes
-    ----------
-    exit_code : int
-        Of the command.
-    status, message, digest : str
-        As in run.json: "finished", "failed" or "interrupted", why, and the run's digest.
-    info : RunInfo or None
-        All of run.json; None when there is none.
-    folder : RunFolder
-        The run's files.
-    output, errors : str
-        What the command printed.
-    """
-
-    exit_code: int
-    status: str
-    message: str
-    digest: str
-    info: RunInfo | None
-    folder: RunFolder
-    output: str
-    errors: str
-
-    def trajectory(self) -> Trajectory:
-        """Return the arrays of the run, read from its bag."""
-        from cacc_platoon.runs.recorded_run import read_run  # noqa: PLC0415  (heavy)
-
-        return read_run(self.folder.bag).trajectory
 
 
 class Platoon:
@@ -110,6 +79,11 @@ class Platoon:
         Where to put the run folder; by default a temporary one that goes with the last result.
     report : bool, optional
         Whether the command judges the run at the end, as `platoon run` does by default.
+
+    Attributes
+    ----------
+    events : list of dict
+        What has happened so far, as in events.jsonl.
     """
 
     def __init__(
@@ -144,6 +118,7 @@ class Platoon:
         self._environment = dict(environment or {})
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
         self._status: RunStatus | None = None
+        self.events: list[dict[str, Any]] = []
         self._output, self._errors = base / "output.txt", base / "errors.txt"
         self._mark = f"{MARK}={os.getpid()}-{id(self)}"
 
@@ -206,6 +181,22 @@ class Platoon:
     def wait_sample(self, sample: int, timeout: float = PATIENCE) -> None:
         """Wait until everything is recorded up to and including a sample."""
         self.wait(lambda: self._sample >= sample, timeout, f"sample {sample}")
+
+    def wait_event(self, kind: str, timeout: float = PATIENCE) -> dict[str, Any]:
+        """Wait until something of a kind has happened, and return the first such event."""
+        self.wait(lambda: any(e["kind"] == kind for e in self.events), timeout, f"a {kind}")
+        return next(event for event in self.events if event["kind"] == kind)
+
+    def set_parameter(self, node: str, name: str, value: Any) -> str:
+        """Set a parameter of a running node as `ros2 param set` does; return why not, if so."""
+        full = f"{self.scenario.platoon.namespace}/{node}/set_parameters"
+        client = self._node.create_client(SetParameters, full)
+        self.wait(client.service_is_ready, PATIENCE, full)
+        parameter = Parameter(name, value=value).to_parameter_msg()
+        answer = client.call_async(SetParameters.Request(parameters=[parameter]))
+        self.wait(answer.done, PATIENCE, f"an answer of {full}")
+        (result,) = answer.result().results
+        return "" if result.successful else str(result.reason)
 
     def wait(self, condition: Callable[[], bool], timeout: float, what: str) -> None:
         """Wait for a condition; messages are received meanwhile.
@@ -353,8 +344,14 @@ class Platoon:
         self._executor = SingleThreadedExecutor(context=context)
         self._stack.callback(self._executor.shutdown)
         self._executor.add_node(self._node)
-        status = PlatoonTopics(self.scenario.platoon.namespace).status
-        self._node.create_subscription(String, status, self._on_status, qos.latched())
+        topics = PlatoonTopics(self.scenario.platoon.namespace)
+        self._node.create_subscription(String, topics.status, self._on_status, qos.latched())
+        self.subscribe(
+            String,
+            topics.events,
+            lambda message: self.events.append(json.loads(message.data)),
+            qos.latched(MANY),
+        )
 
     def _on_status(self, message: String) -> None:
         with contextlib.suppress(ProtocolError):  # a test may send nonsense there

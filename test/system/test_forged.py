@@ -31,7 +31,7 @@ from cacc_platoon.supervision.protocol import (
     RunStatus,
 )
 from cacc_platoon.testing import Platoon
-from cacc_platoon.testing.harness import Result
+from cacc_platoon.testing import Result
 from msg_adapters.topics import Graph, VehicleTopics
 
 SMALL = ("run.duration=60", "platoon.followers=3", "run.real_time_factor=10")
