@@ -230,7 +230,14 @@ class LockstepFollower:
         motion = state.position, state.velocity, *ahead
         if self._sensor:
             motion = (*motion[:2], *self._sensor.ahead(motion[:2], ahead))
-        received, share = self._receive(stamp, motion[1], motion[3])
+        watched = self._monitored
+        if watched:
+            watched.measure(motion[1], motion[3])
+        received, share, reception = self._inbox.pop(stamp)
+        if self._publish_reception:
+            self._publish_reception(stamp, reception, share)
+        if watched and self._publish_monitor:
+            self._publish_monitor(stamp, watched.monitor.alarm, watched.monitor.excess)
         try:
             command = self._law.command(*motion, *received)
             if share < 1.0:
@@ -250,18 +257,6 @@ class LockstepFollower:
                 f"received acceleration {', '.join(map(str, received))} m/s^2"
             )
         return command
-
-    def _receive(self, stamp: int, own: float, ahead: float) -> tuple[tuple[float, ...], float]:
-        """Return what is used of each link at a sample, and the share of the law in the command."""
-        if self._monitored:
-            self._monitored.measure(own, ahead)
-        received, share, reception = self._inbox.pop(stamp)
-        if self._publish_reception:
-            self._publish_reception(stamp, reception, share)
-        if self._monitored and self._publish_monitor:
-            monitor = self._monitored.monitor
-            self._publish_monitor(stamp, monitor.alarm, monitor.excess)
-        return received, share
 
 
 class LockstepRelay:
