@@ -50,6 +50,7 @@ class VehicleNode(PlatoonNode):
             publish_reception=self.create_stream(self.topics.reception)
             if follower.fallback_law()
             else None,
+            publish_monitor=self.create_stream(self.topics.monitor) if follower.monitored else None,
             tell=self.events.append,
             law=law(follower) if law else None,
             initial=initial,

@@ -10,7 +10,10 @@ from cacc_platoon.model import (
     ConstantTimeHeadway,
     ControlLaw,
     Gains,
+    HoldReception,
     Limits,
+    MonitoredReception,
+    Reception,
     Sensing,
     ThirdOrderPlant,
 )
@@ -18,6 +21,7 @@ from cacc_platoon.model.fallback import MARGIN, gains_without_v2v
 from cacc_platoon.model.limits import Limit
 from cacc_platoon.model.packets import Floats
 from cacc_platoon.model.successive import moving_headway
+from cacc_platoon.scenario.monitor import assumption_monitor
 from cacc_platoon.scenario.plugin import make_plugin
 from cacc_platoon.scenario.receiver import Receiver
 from cacc_platoon.scenario.table import Sensing as SensingValues
@@ -116,3 +120,22 @@ class Follower(Receiver):
         return ConstantTimeHeadway(
             gains_without_v2v(self.tau_max, headway), self.standstill_distance
         )
+
+    @property
+    def monitored(self) -> bool:
+        """Whether it compares the packets of the link with what it measures of their sender."""
+        return self.v2v.monitor != "none" and self.link.sender == self.link.receiver - 1
+
+    def reception(self) -> Reception:
+        """Return what the vehicle makes of packets, with its monitor if it has one."""
+        return self._watching(self.plain_reception())
+
+    def watching_reception(self) -> Reception:
+        """Return one that does no more than `reception` to say what its monitor says."""
+        return self._watching(HoldReception())
+
+    def _watching(self, reception: Reception) -> Reception:
+        if not self.monitored:
+            return reception
+        monitor = assumption_monitor(self.v2v, self.sensing(), self.step)
+        return MonitoredReception(reception, monitor, acts=self.v2v.monitor == "fallback")

@@ -293,7 +293,8 @@ class Receiver:
     def counted(self) -> bool:
         """Whether its relay counts packets: they may be lost or late, or its receiver may ask."""
         custom = self.v2v.channel or self.v2v.receiver or self.course.adjustable
-        return bool(custom) or self.triggered or not self.composed().prompt
+        watched = self.v2v.monitor != "none"
+        return bool(custom) or watched or self.triggered or not self.composed().prompt
 
     @property
     def _longest_interval(self) -> int:
@@ -317,7 +318,7 @@ class Receiver:
         """Whether it uses the last packet while others are lost."""
         return self.v2v.reception != "zero"
 
-    def reception(self) -> Reception:
+    def plain_reception(self) -> Reception:
         """Return what the vehicle makes of packets; v2v.receiver may name something else."""
         if self.v2v.receiver:
             made: Reception = make_plugin(self.v2v.receiver, "v2v.receiver", self, ("use",))

@@ -157,9 +157,9 @@ def planned(follower: Follower, channel: Channel | None = None) -> bool:
     """Return whether it is known beforehand which packet is used at each sample of a link.
 
     It is not where the sender sends as it moves, nor where the receiver does something else than to
-    choose a packet of those that come.
+    choose a packet of those that come, or watches them.
     """
-    if channel is None and follower.triggered:
+    if follower.monitored or (channel is None and follower.triggered):
         return False
     if isinstance(follower.reception(), ChoosingReception):
         return True

@@ -115,7 +115,9 @@ def links_of_runs(
         return lambda: packet_source(follower, samples, given(follower), noise)
 
     links = [[LinkOfRun(one, packets(one)) for one in run.receivers] for run in runs]
-    return SteppedLinks(links, topology.senders, topology.columns)
+    watched = any(one.monitored for one in runs[0].receivers)
+    sensors = Sensors.of(runs) if watched else None
+    return SteppedLinks(links, topology.senders, topology.columns, sensors)
 
 
 def simulate_mean(scenario: Scenario) -> Trajectory:
