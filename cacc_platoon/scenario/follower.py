@@ -137,5 +137,6 @@ class Follower(Receiver):
     def _watching(self, reception: Reception) -> Reception:
         if not self.monitored:
             return reception
-        monitor = assumption_monitor(self.v2v, self.sensing(), self.step)
+        stages = [stage.v2v for _, stage in self.stages]
+        monitor = assumption_monitor(stages, self.sensing(), self.step)
         return MonitoredReception(reception, monitor, acts=self.v2v.monitor == "fallback")

@@ -3,28 +3,32 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from cacc_platoon.model import Allowances, AssumptionMonitor, Sensing
 from cacc_platoon.scenario.v2v_parameters import V2V
 
 
-def assumption_monitor(v2v: V2V, sensing: Sensing, step: float) -> AssumptionMonitor:
+def assumption_monitor(stages: Sequence[V2V], sensing: Sensing, step: float) -> AssumptionMonitor:
     """Return the monitor of a link, from its first sample on.
 
     Parameters
     ----------
-    v2v : V2V
-        The parameters of the link.
+    stages : sequence of V2V
+        The parameters of the link at the beginning, and after each change in the run: the widest
+        errors are allowed for.
     sensing : Sensing
         How its receiver measures the sender.
     step : float
         Control period [s].
     """
+    v2v = stages[0]
     sigmas = v2v.monitor_margin
+    said = max(abs(one.bias) + sigmas * one.noise_std for one in stages)
     allowed = Allowances(
         v2v.rho,
         velocity=sigmas * math.sqrt(2.0) * sensing.range_rate_std,
-        acceleration=abs(v2v.bias) + sigmas * v2v.noise_std + 0.5 * v2v.quantum,
+        acceleration=said + 0.5 * v2v.quantum,
         jerk=v2v.monitor_jerk,
         saturation=v2v.saturation,
     )

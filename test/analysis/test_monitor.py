@@ -1,5 +1,6 @@
 """What a report says of monitors: alarms, delays, false ones, of bags as of simulations."""
 
+import dataclasses
 import math
 import sys
 from pathlib import Path
@@ -12,6 +13,7 @@ from cacc_platoon.cli.simulate import simulate_run
 from cacc_platoon.report import metrics_document, report_run, summary
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.simulation import simulate, simulate_mean
+from cacc_platoon.simulation.monitoring import alarms
 
 FALSE = ("2 3 factor=3", "12 14 factor=-1", "20 21 factor=1", "300 301 frozen")
 WATCHED = {
@@ -92,3 +94,12 @@ def test_a_bag_says_the_same_and_the_report_tells_it(more, tmp_path, monkeypatch
     assert "Assumption monitor" in page
     assert "That there is none proves nothing" in page
     assert (tmp_path / "run" / "figures" / "monitor.svg").is_file()
+
+
+def test_errors_that_a_timeline_brings_are_allowed_for():
+    changes = ("5 link_1 v2v.bias=0.4", "10 link_1 v2v.bias=0")
+    changed = scenario({"vehicle_2.v2v.false_data": (), "run.timeline": changes})
+    run = simulate(changed)
+    assert not alarms(run)[1].any()
+    unsaid = dataclasses.replace(run, scenario=changed.with_values({"run.timeline": ()}))
+    assert alarms(unsaid)[1].any()

@@ -359,6 +359,7 @@ CHANGED = {
 }
 OWN = {
     "v2v.channel": "",
+    "v2v.send_rule": "periodic",
     "controller.k_v": 0.71875,
     "v2v.noise": "bits",
     "v2v.bit_probabilities": (0.34375, 0.5),
