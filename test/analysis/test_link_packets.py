@@ -149,4 +149,5 @@ def test_packets_of_a_run_whose_losses_and_latency_change():
     assert [link.lost for link in others] == [0, 0]
     verdict = judge(run.scenario)
     assert not verdict.certified
+    assert verdict.followers == judge(run.scenario.with_values({"run.timeline": ()})).followers
     assert any("parameters change from 4 s on" in reason for reason in verdict.void)
