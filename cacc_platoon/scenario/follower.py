@@ -114,7 +114,7 @@ class Follower(Receiver):
 
     def fallback_law(self) -> ConstantTimeHeadway | None:
         """Return the law that needs no V2V, where the vehicle falls back to one."""
-        if self.v2v.receiver or self.v2v.reception != "fallback":
+        if self.asks_own_code or self.v2v.reception != "fallback":
             return None
         headway = self.v2v.fallback_headway or 2.0 * (1.0 + MARGIN) * self.tau_max
         return ConstantTimeHeadway(

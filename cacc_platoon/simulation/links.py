@@ -163,13 +163,13 @@ def planned(follower: Follower, channel: Channel | None = None) -> bool:
         return False
     if isinstance(follower.reception(), ChoosingReception):
         return True
-    return not follower.v2v.receiver and promise_of(channel or follower.channel()).prompt
+    return not follower.asks_own_code and promise_of(channel or follower.channel()).prompt
 
 
 def plan_link(follower: Follower, samples: int, channel: Channel) -> LinkPlan:
     """Return what the link to a follower does from sample 0 on, where that is `planned`."""
     delivery = delivery_of(follower, samples, channel)
-    if promise_of(channel).prompt and not follower.v2v.receiver:
+    if promise_of(channel).prompt and not follower.asks_own_code:
         return LinkPlan(True, delivery, np.arange(samples))
     reception = follower.reception()
     assert isinstance(reception, ChoosingReception)

@@ -33,7 +33,7 @@ class _Process:
         self._reception = link.follower.reception()
         watched = isinstance(self._reception, MonitoredReception)
         self.watched = self._reception if watched else None
-        self._at_once = self._packets.prompt and not (watched or link.follower.v2v.receiver)
+        self._at_once = self._packets.prompt and not (watched or link.follower.asks_own_code)
         self.share = 1.0
         self.arrived: list[tuple[int, int, float]] = []
 

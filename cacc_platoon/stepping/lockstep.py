@@ -212,8 +212,7 @@ class LockstepFollower:
             self._say_reception(stamp, reception, share)
         try:
             command = self._law.command(*motion, *received)
-            if share < 1.0:
-                assert self._fallback is not None
+            if share < 1.0 and self._fallback:
                 alone = self._fallback.command(*motion, 0.0)
                 command = share * command + (1.0 - share) * alone
             finite = math.isfinite(command)

@@ -10,7 +10,7 @@ import pytest
 from cacc_platoon.analysis import compute_metrics
 from cacc_platoon.analysis.consistency import check_consistency, check_links
 from cacc_platoon.runs.events import events_of
-from cacc_platoon.scenario import Scenario
+from cacc_platoon.scenario import Scenario, ScenarioError
 from cacc_platoon.scenario.run_event import EventKind
 from cacc_platoon.scenario.timeline import Change
 from cacc_platoon.simulation import monte_carlo, simulate, simulate_mean
@@ -366,3 +366,30 @@ def test_a_run_ends_at_the_first_collision():
     (hit,) = (event for event in events_of(run) if event.kind is EventKind.COLLISION)
     assert hit.sample == last
     assert compute_metrics(run).first_collision == (int(hit.node[8]), last * 0.01)
+
+
+class Half:
+    """Uses half of the newest packet."""
+
+    def __init__(self, follower):
+        self.follower, self._value = follower, 0.0
+
+    def use(self, delivered):
+        for _, value in delivered:
+            self._value = 0.5 * value
+        return self._value
+
+
+@pytest.mark.parametrize("channel", [{"v2v.loss": 0.3}, CAM, {"run.adjustable": True}])
+def test_a_reception_is_given_as_an_object(channel, monkeypatch):
+    monkeypatch.syspath_prepend(str(Path(__file__).parent))
+    one = scenario(channel, {"run.duration": 20.0})
+    given = simulate(one, reception=Half)
+    named = simulate(one.with_values({"v2v.receiver": "test_stepped_links:Half"}))
+    np.testing.assert_array_equal(np.stack(given.motion), np.stack(named.motion))
+    np.testing.assert_array_equal(of_nodes(one, reception=Half), np.stack(given.motion))
+
+
+def test_nobody_would_ask_a_reception_where_packets_are_not_counted():
+    with pytest.raises(ScenarioError, match=r"vehicle 1: a reception .* run\.adjustable"):
+        simulate(scenario({"run.duration": 1.0}), reception=Half)
