@@ -69,7 +69,7 @@ def scenario(*parts: dict[str, Any], own: Any = None) -> Scenario:
     return Scenario.from_values({k: v for part in (SHORT, *parts) for k, v in part.items()}, own)
 
 
-def of_nodes(one, adjust=lambda sample, followers, relays: None, published=None):
+def of_nodes(one, adjust=lambda *_: None, published=None, reception=None):
     """Return the motion of scalar steppers that pass messages on as nodes do, (3, samples, N+1).
 
     What monitors publish is put into `published`, by index of the follower.
@@ -85,7 +85,9 @@ def of_nodes(one, adjust=lambda sample, followers, relays: None, published=None)
         return lambda stamp, alarm, _excess: said.append((stamp, alarm))
 
     followers = {
-        f.index: LockstepFollower(f, one, post("state", f.index), publish_monitor=tell(f.index))
+        f.index: LockstepFollower(
+            f.receiving(reception), one, post("state", f.index), publish_monitor=tell(f.index)
+        )
         for f in one.followers
     }
     relays = {
