@@ -156,7 +156,7 @@ def _moving_headways(scenario: Scenario) -> Iterator[str]:
         headways = follower.headways(scenario.samples)
         if headways is None:
             continue
-        least, most = float(headways.min()), float(headways.max())
+        least, most = float(np.min(headways)), float(np.max(headways))
         first, last = (follower.gains._replace(time_headway=end) for end in (least, most))
         if not blend_is_stable(first, last, follower.tau_max):
             yield (
