@@ -60,6 +60,7 @@ class VehicleTopics:
         self.command = Topic(f"{self.namespace}/command", ACCEL, body)
         self.spacing_error = Topic(f"{self.namespace}/spacing_error", VECTOR, body)
         self.reception = Topic(f"{self.namespace}/reception", VECTOR, body)
+        self.monitor = Topic(f"{self.namespace}/monitor", VECTOR, body)
 
     @property
     def motion(self) -> tuple[Topic, Topic, Topic]:
@@ -168,6 +169,8 @@ class Graph:
         Followers whose relay follows the motion of the senders too, which send as they move.
     fallback : frozenset of int
         Followers that fall back without V2V, and publish the state of their reception.
+    monitored : frozenset of int
+        Followers that compare what they receive with what they measure, and publish what they find.
 
     Examples
     --------
@@ -183,6 +186,7 @@ class Graph:
     spacing_error: bool = False
     triggered: frozenset[int] = frozenset()
     fallback: frozenset[int] = frozenset()
+    monitored: frozenset[int] = frozenset()
 
     @classmethod
     def of(cls, scenario: Scenario) -> Graph:
@@ -196,6 +200,7 @@ class Graph:
             record.spacing_error,
             frozenset(one.index for one in followers if one.triggered),
             frozenset(one.index for one in followers if one.fallback_law()),
+            frozenset(one.index for one in followers if one.monitored),
         )
 
     @cached_property
@@ -261,6 +266,7 @@ class Graph:
             (self.command, own.command),
             (self.spacing_error, own.spacing_error),
             (index in self.fallback, own.reception),
+            (index in self.monitored, own.monitor),
         )
         publishes = (*own.motion, *(topic for wanted, topic in asked if wanted))
         return NodeTopics(publishes, (ahead.pose, ahead.twist, *self._received(index)))

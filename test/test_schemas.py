@@ -63,6 +63,8 @@ CRASH = {
 SILENT = {
     "v2v.reception": "fallback",
     "v2v.blackouts": (0.2, 1.5),
+    "v2v.monitor": "fallback",
+    "v2v.false_data": ("2 3 factor=3",),
     "run.duration": 3.0,
     "vehicle.limits": "iso15622",
 }

@@ -40,7 +40,7 @@ class WorstBraking(NamedTuple):
 def worst_braking(scenario: Scenario, verdict: Verdict) -> WorstBraking | None:
     """Compute it for equal followers of the certified law that move; None for others.
 
-    None, too, where packets are rare or late.
+    None, too, where packets are rare or late, or parameters change in the course of the run.
 
     Examples
     --------
@@ -52,7 +52,8 @@ def worst_braking(scenario: Scenario, verdict: Verdict) -> WorstBraking | None:
     4.8
     """
     certificate, speed = verdict.weakest.certificate, scenario.platoon.initial_speed
-    other = verdict.another_law or verdict.weakest.rare_or_late or not verdict.equal_links
+    unequal = scenario.changes or not verdict.equal_links
+    other = verdict.another_law or verdict.weakest.rare_or_late or unequal
     if certificate is None or other or speed <= 0:
         return None
     vehicles = min(scenario.platoon.followers, _MOST_VEHICLES)

@@ -15,6 +15,7 @@ import numpy as np
 from cacc_platoon.analysis.age import LinkReception, link_reception
 from cacc_platoon.analysis.fallback import FallbackUse, fallback_use
 from cacc_platoon.analysis.limits import LimitUse, limit_use
+from cacc_platoon.analysis.monitor import MonitorUse, monitor_use
 from cacc_platoon.analysis.noise import LinkNoise, link_noise
 from cacc_platoon.model.leader import largest_acceleration, least_accelerations
 from cacc_platoon.simulation import Trajectory
@@ -77,6 +78,8 @@ class Metrics:
         Who may fall back to a law without V2V, and did.
     limits : list of LimitUse
         On whom limits of the actuator may act, and did.
+    monitor : list of MonitorUse
+        Who compares packets with what is measured, and said that rho was violated.
     """
 
     duration: float
@@ -104,6 +107,7 @@ class Metrics:
     reception: list[LinkReception]
     fallback: list[FallbackUse]
     limits: list[LimitUse]
+    monitor: list[MonitorUse]
 
 
 def compute_metrics(run: Trajectory) -> Metrics:
@@ -155,6 +159,7 @@ def compute_metrics(run: Trajectory) -> Metrics:
         reception=link_reception(run),
         fallback=fallback_use(run),
         limits=limit_use(run),
+        monitor=monitor_use(run),
     )
 
 

@@ -18,6 +18,7 @@ from cacc_platoon.analysis.packets import packet_times, send_together
 from cacc_platoon.model import ConstantTimeHeadway
 from cacc_platoon.scenario import Follower, Scenario
 from cacc_platoon.theory import rounded_down
+from cacc_platoon.theory.switching import blend_is_stable
 
 IF_INDEPENDENT = "if losses did not depend on each other"
 
@@ -144,8 +145,25 @@ def _changes(scenario: Scenario) -> list[str]:
     until = "" if back is None else f"; all is as before from {back:g} s on"
     return [
         f"parameters change from {first.sample * step:g} s on (run.timeline: {first.text(step)}"
-        f"{more}): what is proven is of those at the beginning{until}"
+        f"{more}): what is proven is of those at the beginning{until}",
+        *_moving_headways(scenario),
     ]
+
+
+def _moving_headways(scenario: Scenario) -> Iterator[str]:
+    """Say whose time headway moves further than one Lyapunov function serves."""
+    for follower in scenario.followers:
+        headways = follower.headways(scenario.samples)
+        if headways is None:
+            continue
+        least, most = float(np.min(headways)), float(np.max(headways))
+        first, last = (follower.gains._replace(time_headway=end) for end in (least, most))
+        if not blend_is_stable(first, last, follower.tau_max):
+            yield (
+                f"the time headway of vehicle {follower.index} moves between {least:g} s and "
+                f"{most:g} s, and no Lyapunov function serves all in between: such changes may "
+                "make it unstable"
+            )
 
 
 def restored(scenario: Scenario) -> float | None:

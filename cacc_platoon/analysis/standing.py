@@ -182,6 +182,8 @@ def _beyond_checks(scenario: Scenario, digested: bool) -> Iterator[str]:
     shown = [name for name in ("command", "spacing_error") if getattr(record, name)]
     if any(follower.fallback_law() for follower in scenario.followers):
         shown.append("reception")
+    if any(follower.monitored for follower in scenario.followers):
+        shown.append("monitor")
     if shown:
         yield (
             f"{' and '.join(shown)}: recorded for viewers, in no digest, and no number here "

@@ -210,11 +210,11 @@ def judge(
     >>> judge(Scenario.from_values({"controller.time_headway": 0.65})).string_stable
     False
     """
-    conduct = conduct or Conduct()
+    conduct, first = conduct or Conduct(), scenario.at_first
     means = {(link.sender, link.follower): link.mean for link in noise or []}
     seen: dict[object, FollowerVerdict] = {}
     verdicts: list[FollowerVerdict] = []
-    for follower in scenario.followers:
+    for follower in first.followers:
         mean = means.get(follower.link, math.nan)
         key = (
             follower.gains,
@@ -228,23 +228,23 @@ def judge(
             seen[key] = _judge_follower(follower, scenario.run.step)
         verdicts.append(_realised(seen[key], follower, mean))
     stable = all(verdict.string_stable for verdict in verdicts)
-    equal = len(seen) == 1 and len({(f.tau, f.v2v, f.law_name) for f in scenario.followers}) == 1
+    equal = len(seen) == 1 and len({(f.tau, f.v2v, f.law_name) for f in first.followers}) == 1
     void = (
-        *missed_by_the_loop(scenario, verdicts, equal=equal),
+        *missed_by_the_loop(first, verdicts, equal=equal),
         *broken_premises(scenario, noise or [], reception or [], consistency, conduct),
     )
     return Verdict(
         stable,
         all(verdict.in_paper_region for verdict in verdicts),
-        bases_of(scenario, equal=equal),
+        bases_of(first, equal=equal),
         len({follower.tau for follower in scenario.followers}) == 1,
         equal,
         bool(other_laws(scenario)),
         void,
         holds_again(scenario, conduct, void) if stable else None,
         tuple(verdicts),
-        _weakest(scenario, verdicts),
-        _end_to_end(scenario, verdicts),
+        _weakest(first, verdicts),
+        _end_to_end(first, verdicts),
     )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from cacc_platoon.analysis.age import link_ages
 from cacc_platoon.analysis.fallback import reception_state
 from cacc_platoon.analysis.link_packets import packets_over_time
+from cacc_platoon.analysis.monitor import MonitorUse
 from cacc_platoon.analysis.noise import LinkNoise, noise_factor
 from cacc_platoon.figures.style import (
     BLUE,
@@ -23,7 +24,7 @@ from cacc_platoon.figures.style import (
     reduce,
     shades,
 )
-from cacc_platoon.model import Link, ReceptionState
+from cacc_platoon.model import Link, ReceptionState, factor_interval
 from cacc_platoon.simulation import Trajectory
 from cacc_platoon.simulation.trajectory import Array
 
@@ -46,7 +47,7 @@ def plot_noise(noise: Axes, signal: Axes, run: Trajectory, follower: int) -> Non
     column = run.scenario.topology.links.index(Link(follower - 1, follower))
     factor = noise_factor(run)[:, column]
     noise.plot(*reduce(run.time, factor), color=BLUE, linewidth=0.4)
-    for limit in (1.0 - 1.0 / rho, 1.0 + 1.0 / rho):
+    for limit in factor_interval(rho):
         noise.axhline(limit, color=RED, linestyle="--", linewidth=1.0)
     noise.set_ylabel("noise factor $w$ [-]")
     noise.set_title(rf"link {follower - 1} to {follower}; dashed: $1 - 1/\rho$ and $1 + 1/\rho$")
@@ -161,6 +162,24 @@ def plot_reception(axes: Axes, run: Trajectory) -> None:
     axes.set_xlabel("time [s]")
     axes.set_ylabel("follower")
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, 1.2), ncols=3)
+
+
+def plot_alarms(axes: Axes, run: Trajectory, monitors: Sequence[MonitorUse]) -> None:
+    """Draw when each monitor had an alarm, and when packets of its link were false."""
+    indices, end = run.scenario.indices, run.scenario.run.duration
+    for one in monitors:
+        false = [(found.begin, found.end - found.begin) for found in one.detections]
+        axes.broken_barh(false, (one.follower - 0.45, 0.9), color=GREY, alpha=0.4)
+        alarms = [(begin, until - begin) for begin, until in one.spans]
+        axes.broken_barh(alarms, (one.follower - 0.25, 0.5), color=RED)
+    axes.broken_barh([], (0.0, 0.0), color=RED, label="alarm")
+    axes.broken_barh([], (0.0, 0.0), color=GREY, alpha=0.4, label="false data")
+    axes.set_xlim(0.0, end)
+    axes.set_ylim(indices[-1] + 0.5, indices[0] - 0.5)
+    axes.yaxis.get_major_locator().set_params(integer=True)
+    axes.set_xlabel("time [s]")
+    axes.set_ylabel("follower")
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, 1.2), ncols=2)
 
 
 def plot_link_noise(axes: Axes, links: list[LinkNoise]) -> None:

@@ -18,11 +18,13 @@ from cacc_platoon.model.leader import (
 )
 from cacc_platoon.model.limits import ISO_15622, Limits
 from cacc_platoon.model.losses import Blackouts, BurstLoss, IndependentLoss
+from cacc_platoon.model.monitor import Allowances, AssumptionMonitor, MonitoredReception
 from cacc_platoon.model.noise import (
     BitNoise,
     ConstantNoise,
     Noise,
     expected_factor,
+    factor_interval,
     factor_variance,
 )
 from cacc_platoon.model.packets import (
@@ -41,6 +43,8 @@ from cacc_platoon.model.vehicle import State, ThirdOrderPlant
 __all__ = [
     "ISO_15622",
     "AdditiveNoise",
+    "Allowances",
+    "AssumptionMonitor",
     "BitNoise",
     "Blackouts",
     "BurstLoss",
@@ -67,6 +71,7 @@ __all__ = [
     "LeaderProfile",
     "Limits",
     "Link",
+    "MonitoredReception",
     "Noise",
     "PacketSource",
     "Packets",
@@ -87,6 +92,7 @@ __all__ = [
     "ZeroReception",
     "brake_profile",
     "expected_factor",
+    "factor_interval",
     "factor_variance",
     "read_speed_profile",
     "sample_profile",

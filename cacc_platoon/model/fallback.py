@@ -52,7 +52,8 @@ class FallbackReception:
     The command is ``share u + (1 - share) u_f`` of the control law and of one without V2V. After
     `patience` samples without a new packet the share falls from 1 to 0 in `blend` equal steps;
     it rises as slowly once there was no such silence for `trust` samples. So from one sample to the
-    next the blend changes the command by at most ``|u - u_f|/blend``.
+    next the blend changes the command by at most ``|u - u_f|/blend``. A sample at which packets are
+    distrusted counts as one after such a silence.
 
     Parameters
     ----------
@@ -87,13 +88,13 @@ class FallbackReception:
         self.state = ReceptionState.NORMAL
         self.share = 1.0
 
-    def use(self, delivered: Iterable[tuple[int, float]]) -> float:
+    def use(self, delivered: Iterable[tuple[int, float]], *, distrusted: bool = False) -> float:
         """Return the newest value that has arrived [m/s^2], 0 before the first."""
         self._silent += 1
         for source, value in delivered:
             if source > self._source:
                 self._source, self._value, self._silent = source, value, 0
-        silence = self._silent >= self._patience
+        silence = distrusted or self._silent >= self._patience
         self._heard = 0 if silence else self._heard + 1
         self._turn(silence)
         self.share = self._level / self._blend

@@ -25,6 +25,17 @@ class Noise(Protocol):
         ...
 
 
+def factor_interval(rho: float) -> tuple[float, float]:
+    """Return the least and the largest w that the signal-to-noise ratio rho > 1 permits.
+
+    Examples
+    --------
+    >>> factor_interval(5.0)
+    (0.8, 1.2)
+    """
+    return 1.0 - 1.0 / rho, 1.0 + 1.0 / rho
+
+
 def expected_factor(rho: float, bit_probabilities: Sequence[float]) -> float:
     """Return E[w] for the signal-to-noise ratio rho > 1 and the probabilities of z_j = 1.
 

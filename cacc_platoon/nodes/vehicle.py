@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 
-from cacc_platoon.model import ControlLaw, State
+from cacc_platoon.model import ControlLaw, Reception, State
 from cacc_platoon.nodes.node import PlatoonNode
 from cacc_platoon.scenario import Follower, Scenario
 
@@ -17,6 +17,8 @@ class VehicleNode(PlatoonNode):
     ----------
     law : callable, optional
         Makes another control law from the follower's parameters.
+    reception : callable, optional
+        Makes another reception from them, one for each of its links.
     initial : State, optional
         Where it begins; by default in equilibrium behind its predecessor.
     """
@@ -29,6 +31,8 @@ class VehicleNode(PlatoonNode):
         index: int | None = None,
         law: Callable[[Follower], ControlLaw] | None = None,
         initial: State[float] | None = None,
+        *,
+        reception: Callable[[Follower], Reception] | None = None,
     ) -> None:
         groups = ("platoon", "vehicle", "sensing", "controller", "v2v", "run", "record")
         super().__init__("vehicle", groups, scenario, index)
@@ -42,7 +46,7 @@ class VehicleNode(PlatoonNode):
             if error:
                 error(stamp, delta, gap_error)
 
-        follower = self.scenario.follower(self.index)
+        follower = self.scenario.follower(self.index).receiving(reception)
         stepper = self.steppers.follower(
             follower,
             self.create_motion_stream(),
@@ -50,6 +54,7 @@ class VehicleNode(PlatoonNode):
             publish_reception=self.create_stream(self.topics.reception)
             if follower.fallback_law()
             else None,
+            publish_monitor=self.create_stream(self.topics.monitor) if follower.monitored else None,
             tell=self.events.append,
             law=law(follower) if law else None,
             initial=initial,

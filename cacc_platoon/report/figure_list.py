@@ -144,6 +144,13 @@ def _channel_pictures(report: Report) -> Iterator[Picture]:
             "Who drives by the control law, and who falls back to one without V2V.",
             lambda axes: channel.plot_reception(axes, run),
         )
+    if watched := report.measured.monitor:
+        yield Picture(
+            "monitor",
+            "Alarms of the assumption monitors",
+            "When no w within rho explains what a follower receives and measures.",
+            lambda axes: channel.plot_alarms(axes, run, watched),
+        )
 
 
 def _oldest(report: Report) -> tuple[Link, float]:

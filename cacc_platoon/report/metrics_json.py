@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from cacc_platoon.analysis.fallback import FallbackUse
     from cacc_platoon.analysis.follower_verdict import FollowerVerdict
     from cacc_platoon.analysis.metrics import Metrics
+    from cacc_platoon.analysis.monitor import MonitorUse
     from cacc_platoon.analysis.noise import LinkNoise
     from cacc_platoon.analysis.verdict import Verdict
 
@@ -143,6 +144,7 @@ def _metrics(metrics: Metrics) -> dict[str, Any]:
             }
             for one in metrics.limits
         ],
+        "monitor": [_monitor(one) for one in metrics.monitor],
     }
 
 
@@ -189,6 +191,21 @@ def _fallback(one: FallbackUse) -> dict[str, Any]:
         "begin": one.begin,
         "end": one.end,
         "turns": one.turns,
+    }
+
+
+def _monitor(one: MonitorUse) -> dict[str, Any]:
+    return {
+        "follower": one.follower,
+        "share": one.share,
+        "begin": one.begin,
+        "end": one.end,
+        "alarms": one.alarms,
+        "false_alarms": one.false_alarms,
+        "detections": [
+            {"begin": found.begin, "end": found.end, "delay": found.delay}
+            for found in one.detections
+        ],
     }
 
 

@@ -8,12 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from cacc_platoon.analysis.monitor import NO_ALARM, monitor_line
+from cacc_platoon.notation import as_html
 from cacc_platoon.report.figure_list import pictures
 from cacc_platoon.report.html_page import draw_figures, html_page
 from cacc_platoon.report.tables import (
     fact_table,
     fallback_table,
     follower_table,
+    monitor_table,
     noise_table,
     reception_table,
     scenario_table,
@@ -64,6 +67,10 @@ def _numbers(report: Report, metrics: dict[str, Any]) -> Iterator[str]:
         yield f"<h2>Packets per link</h2>{reception_table(metrics)}"
     if report.measured.fallback:
         yield f"<h2>States of reception</h2>{fallback_table(metrics)}"
+    if watched := report.measured.monitor:
+        lines = "".join(f"<li>{as_html(monitor_line(one))}</li>" for one in watched)
+        yield f"<h2>Assumption monitor</h2>{monitor_table(metrics)}<ul>{lines}</ul>"
+        yield f"<p>{as_html(NO_ALARM)}</p>"
     yield f"<h2>Scenario</h2>{scenario_table(report.run.trajectory.scenario)}"
     yield "<h2>Provenance</h2>"
     yield fact_table(

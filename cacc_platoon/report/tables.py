@@ -85,6 +85,14 @@ FALLBACK_COLUMNS = (
     Column("times", "-", "turns", "d"),
 )
 
+MONITOR_COLUMNS = (
+    Column("time with an alarm", "-", "share", ".4f"),
+    Column("first", "s", "begin", "g"),
+    Column("last", "s", "end", "g"),
+    Column("alarms", "-", "alarms", "d"),
+    Column("false ones", "-", "false_alarms", "d"),
+)
+
 
 def look_up(document: Any, key: str) -> Any:
     """Return what a dotted key such as `hop_ratio.max.3` means in metrics.json."""
@@ -130,12 +138,21 @@ def reception_table(document: dict[str, Any]) -> str:
 
 def fallback_table(document: dict[str, Any]) -> str:
     """Return the shares of time in each state of reception, one row per vehicle."""
+    return _vehicle_table(document, "fallback", FALLBACK_COLUMNS)
+
+
+def monitor_table(document: dict[str, Any]) -> str:
+    """Return what monitors said, one row per vehicle."""
+    return _vehicle_table(document, "monitor", MONITOR_COLUMNS)
+
+
+def _vehicle_table(document: dict[str, Any], vehicles: str, columns: Sequence[Column]) -> str:
     rows = []
-    for number, one in enumerate(document["fallback"]):
+    for number, one in enumerate(document[vehicles]):
         cells = [f"<td>{one['follower']}</td>"]
-        cells += [cell(document, f"fallback.{number}.{c.key}", c.form) for c in FALLBACK_COLUMNS]
+        cells += [cell(document, f"{vehicles}.{number}.{c.key}", c.form) for c in columns]
         rows.append("".join(cells))
-    headings = (_heading(c.heading, c.unit) for c in FALLBACK_COLUMNS)
+    headings = (_heading(c.heading, c.unit) for c in columns)
     return _table([_heading("follower"), *headings], rows)
 
 

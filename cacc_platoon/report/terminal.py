@@ -8,6 +8,7 @@ import numpy as np
 
 from cacc_platoon.analysis.age_margin import describe_age
 from cacc_platoon.analysis.metrics import describe_growth
+from cacc_platoon.analysis.monitor import monitor_line
 from cacc_platoon.theory.noise_interval import effective_interval
 
 if TYPE_CHECKING:
@@ -161,6 +162,7 @@ def _fact_lines(report: Report, facts: dict[str, Any]) -> list[str]:
         f"  noise w: mean {_number(noise['mean_w'])}, from {_number(noise['min_w'])} to "
         f"{_number(noise['max_w'])}, SNR {_number(noise['snr_db'], 'dB')}",
         *_packet_lines(report, facts),
+        *_monitor_lines(report),
         f"  digest {report.run.digest}",
     ]
 
@@ -189,6 +191,19 @@ def _packet_lines(report: Report, facts: dict[str, Any]) -> list[str]:
         f"  age beside the latency margin, which is of a constant latency: "
         f"{describe_age(report.age_margins)}",
     ]
+
+
+def _monitor_lines(report: Report) -> list[str]:
+    """Say which monitors noticed something or should have."""
+    used = report.measured.monitor
+    told = [one for one in used if one.alarms or one.detections]
+    lines = [f"  monitor, {monitor_line(one)}" for one in told[:_HEAD]]
+    if len(told) > _HEAD:
+        lines.append(f"  monitor: {len(told) - _HEAD} more vehicles, see the report")
+    quiet = len(used) - len(told)
+    if quiet:
+        lines.append(f"  monitor: no alarm of {counted(quiet)}, which proves nothing")
+    return lines
 
 
 def _number(value: float | None, unit: str = "") -> str:

@@ -31,6 +31,7 @@ from cacc_platoon.runs.recorded_scenario import (
 from cacc_platoon.runs.sample_grid import Fault, Grid, group, lay_grid, sample
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.simulation import Arrivals, Trajectory
+from cacc_platoon.simulation.bodies import measured_velocities
 from cacc_platoon.simulation.trajectory import law_shares
 from msg_adapters.topics import Graph, Role, Topic
 
@@ -263,18 +264,19 @@ def _trajectory(
         return np.stack(own, axis=1)
 
     received = stack("received")
+    states = stack("pose"), stack("twist"), stack("accel")
     receivers, shares = scenario.receivers, {}
+    measured = measured_velocities(scenario, np.stack(states)) if arrivals else []
     for column, receiver in enumerate(receivers):
         if receiver.link in arrivals:
             arrived = arrivals[receiver.link]
-            received[:, column], share, _ = arrived.of_bag(receiver, len(received))
+            own = receiver.index - scenario.indices[0]
+            received[:, column], share, *_ = arrived.of_bag(receiver, measured[own])
             if share is not None:
                 shares[column] = share
             if np.isnan(columns[Role("pose", receiver.index)][:1]).any():
                 first = int(min(arrived.sample, default=len(received)))
                 received[:first, column] = np.nan  # what it held from before is not recorded
-
-    states = (stack("pose"), stack("twist"), stack("accel"))
     if scenario.leader.profile == "bag":  # what led is in this bag too
         led = RecordedMotion(scenario.run.step, *(part[:, 0] for part in states))
         scenario = dataclasses.replace(scenario, recorded_leader=led)

@@ -19,7 +19,7 @@ from cacc_platoon.model import (
 )
 from cacc_platoon.model.noise import MAX_BITS
 from cacc_platoon.scenario.false_data import RULE, forgery
-from cacc_platoon.scenario.follower import Follower
+from cacc_platoon.scenario.follower import WHOLE, Follower
 from cacc_platoon.scenario.names import vehicle_name
 from cacc_platoon.scenario.parameter import ScenarioError, refuse_unknown
 from cacc_platoon.scenario.plugin import check_plugin
@@ -257,6 +257,7 @@ def check_follower(follower: Follower, step: float, source: str) -> None:
         rule = "must be pairs of increasing times, the end of each after its beginning"
         raise TABLE["v2v.blackouts"].refusal(list(ends), source, rule)
     _check_false_data(v2v.false_data, step, source)
+    _check_monitor(follower, step, source)
     if v2v.quantum and v2v.saturation and v2v.saturation < v2v.quantum:
         rule = f"must be at least v2v.quantum = {v2v.quantum:g} m/s^2, or nothing but 0 is sent"
         raise TABLE["v2v.saturation"].refusal(v2v.saturation, source, rule)
@@ -283,6 +284,25 @@ def _check_false_data(texts: Iterable[str], step: float, source: str) -> None:
         if after.begin < before.end:
             rule = f"must not overlap, as they do at {after.begin * step:g} s"
             raise row.refusal(list(texts), source, rule)
+
+
+def _check_monitor(follower: Follower, step: float, source: str) -> None:
+    """Refuse a monitor that could never compare anything, or never act."""
+    v2v = follower.v2v
+    if v2v.monitor == "none":
+        return
+
+    def refuse(name: str, value: object, rule: str) -> ScenarioError:
+        return TABLE[name].refusal(value, source, rule)
+
+    if v2v.monitor == "fallback" and not follower.fallback_law():
+        raise refuse("v2v.monitor", v2v.monitor, "needs v2v.reception = fallback to act by")
+    if v2v.monitor_window < step * (1.0 - WHOLE):
+        rule = f"must be at least run.step = {step:g} s"
+        raise refuse("v2v.monitor_window", v2v.monitor_window, rule)
+    if v2v.monitor_window <= (late := follower.longest_latency_steps * step):
+        rule = f"must be above {late:g} s, the most that a packet takes"
+        raise refuse("v2v.monitor_window", v2v.monitor_window, rule)
 
 
 def _check_phase(v2v: V2V, step: float, source: str) -> None:

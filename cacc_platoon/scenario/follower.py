@@ -10,7 +10,10 @@ from cacc_platoon.model import (
     ConstantTimeHeadway,
     ControlLaw,
     Gains,
+    HoldReception,
     Limits,
+    MonitoredReception,
+    Reception,
     Sensing,
     ThirdOrderPlant,
 )
@@ -18,6 +21,7 @@ from cacc_platoon.model.fallback import MARGIN, gains_without_v2v
 from cacc_platoon.model.limits import Limit
 from cacc_platoon.model.packets import Floats
 from cacc_platoon.model.successive import moving_headway
+from cacc_platoon.scenario.monitor import assumption_monitor
 from cacc_platoon.scenario.plugin import make_plugin
 from cacc_platoon.scenario.receiver import Receiver
 from cacc_platoon.scenario.table import Sensing as SensingValues
@@ -110,9 +114,29 @@ class Follower(Receiver):
 
     def fallback_law(self) -> ConstantTimeHeadway | None:
         """Return the law that needs no V2V, where the vehicle falls back to one."""
-        if self.v2v.receiver or self.v2v.reception != "fallback":
+        if self.asks_own_code or self.v2v.reception != "fallback":
             return None
         headway = self.v2v.fallback_headway or 2.0 * (1.0 + MARGIN) * self.tau_max
         return ConstantTimeHeadway(
             gains_without_v2v(self.tau_max, headway), self.standstill_distance
         )
+
+    @property
+    def monitored(self) -> bool:
+        """Whether it compares the packets of the link with what it measures of their sender."""
+        return self.v2v.monitor != "none" and self.link.sender == self.link.receiver - 1
+
+    def reception(self) -> Reception:
+        """Return what the vehicle makes of packets, with its monitor if it has one."""
+        return self._watching(self.plain_reception())
+
+    def watching_reception(self) -> Reception:
+        """Return one that does no more than `reception` to say what its monitor says."""
+        return self._watching(HoldReception())
+
+    def _watching(self, reception: Reception) -> Reception:
+        if not self.monitored:
+            return reception
+        stages = [stage.v2v for _, stage in self.stages]
+        monitor = assumption_monitor(stages, self.sensing(), self.step)
+        return MonitoredReception(reception, monitor, acts=self.v2v.monitor == "fallback")

@@ -33,7 +33,7 @@ def try_channel(receiver: Follower, samples: int) -> None:
 
 def try_reception(receiver: Follower) -> None:
     """Make the reception of a link, and have it use a packet and none."""
-    reception = receiver.reception()
+    reception = receiver.plain_reception()
     wrong = _wrong(lambda: [reception.use([(0, 1.0)]), reception.use([])])
     if wrong:
         raise ScenarioError(

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 from cacc_platoon.model import (
     AdditiveNoise,
@@ -42,6 +42,7 @@ from cacc_platoon.model.latency import gamma_delay, uniform_delay
 from cacc_platoon.model.send_rule import MOST_TIME
 from cacc_platoon.model.successive import Successive
 from cacc_platoon.scenario.false_data import forgery
+from cacc_platoon.scenario.parameter import ScenarioError
 from cacc_platoon.scenario.plugin import make_plugin
 from cacc_platoon.scenario.table import TABLE
 from cacc_platoon.scenario.timeline import Change
@@ -85,6 +86,8 @@ class Receiver:
         Control period [s].
     course : Course
         What changes in the course of the run.
+    given : callable or None
+        Makes a reception of one's own from it, in place of that of v2v.
     """
 
     link: Link
@@ -92,6 +95,7 @@ class Receiver:
     seed: int
     step: float
     course: Course = field(default_factory=Course, kw_only=True)
+    given: Callable[[Any], Reception] | None = field(default=None, kw_only=True, compare=False)
 
     @property
     def index(self) -> int:
@@ -293,7 +297,29 @@ class Receiver:
     def counted(self) -> bool:
         """Whether its relay counts packets: they may be lost or late, or its receiver may ask."""
         custom = self.v2v.channel or self.v2v.receiver or self.course.adjustable
-        return bool(custom) or self.triggered or not self.composed().prompt
+        watched = self.v2v.monitor != "none"
+        return bool(custom) or watched or self.triggered or not self.composed().prompt
+
+    @property
+    def asks_own_code(self) -> bool:
+        """Whether code of one's own decides what the vehicle makes of packets."""
+        return bool(self.v2v.receiver or self.given)
+
+    def receiving(self, given: Callable[[Any], Reception] | None) -> Self:
+        """Return the same follower with a reception of one's own, where one is given.
+
+        Raises
+        ------
+        ScenarioError
+            Where packets are not counted, so that nobody would ask it.
+        """
+        if given and not self.counted:
+            raise ScenarioError(
+                f"vehicle {self.index}: a reception of one's own is asked only where packets are "
+                "counted, and the scenario says that all come at once. Set run.adjustable, or "
+                "name it in v2v.receiver."
+            )
+        return replace(self, given=given)
 
     @property
     def _longest_interval(self) -> int:
@@ -317,8 +343,10 @@ class Receiver:
         """Whether it uses the last packet while others are lost."""
         return self.v2v.reception != "zero"
 
-    def reception(self) -> Reception:
-        """Return what the vehicle makes of packets; v2v.receiver may name something else."""
+    def plain_reception(self) -> Reception:
+        """Return what the vehicle makes of packets, as v2v says unless another one is given."""
+        if self.given:
+            return self.given(self)
         if self.v2v.receiver:
             made: Reception = make_plugin(self.v2v.receiver, "v2v.receiver", self, ("use",))
             return made

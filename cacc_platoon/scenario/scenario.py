@@ -224,6 +224,13 @@ class Scenario:
         """What changes in the course of the run, in order."""
         return timeline(self.run.timeline, self.run.step)
 
+    @property
+    def at_first(self) -> Scenario:
+        """The scenario as it is at the beginning: without changes in the course of the run."""
+        if not self.run.timeline:
+            return self
+        return dataclasses.replace(self, run=dataclasses.replace(self.run, timeline=()))
+
     def with_changes(self, changes: Iterable[Change]) -> Scenario:
         """Return the scenario with changes more, as they have happened."""
         texts = [change.text(self.run.step) for change in changes]

@@ -168,6 +168,29 @@ class V2V:
     fallback_headway: float = parameter(
         0.0, "s", "the time headway without V2V, above 2 tau0; 0 for 2.6 tau0", at_least=0.0
     )
+    monitor: str = parameter(
+        "none",
+        "-",
+        "whether a follower compares what it receives with how the one ahead moves: not (none), "
+        "to say when no w within rho explains both (report), or to fall back meanwhile (fallback)",
+        choices=("none", "report", "fallback"),
+    )
+    monitor_window: float = parameter(
+        2.0, "s", "how far back the monitor looks, longer than packets take", above=0.0, at_most=1e3
+    )
+    monitor_margin: float = parameter(
+        7.0,
+        "-",
+        "how many standard deviations the monitor takes for noise of sensor and packets",
+        at_least=0.0,
+    )
+    monitor_jerk: float = parameter(
+        10.0,
+        "m/s^3",
+        "how fast the acceleration ahead may leave and come back, between two packets, the range "
+        "of those that they say",
+        at_least=0.0,
+    )
     channel: str = parameter("", "-", "a custom channel, module:Class, in place of the others")
     receiver: str = parameter(
         "", "-", "a custom reception, module:Class, in place of v2v.reception"

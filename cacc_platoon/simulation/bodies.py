@@ -61,6 +61,27 @@ class Sensors(NamedTuple):
         return position, velocity
 
 
+def measured_velocities(scenario: Scenario, motion: Array) -> list[tuple[Array, Array]]:
+    """Return each follower's own velocity and that ahead [m/s], each (samples,).
+
+    The latter is as measured where anybody has a monitor that compares it, else as it is.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        The run.
+    motion : ndarray, shape (3, samples, N + 1)
+        Positions [m], velocities [m/s] and accelerations [m/s^2].
+    """
+    own, ahead = motion[1][:, 1:], motion[1][:, :-1]
+    watched = any(one.monitored for one in scenario.followers)
+    if watched and (sensors := Sensors.of([scenario])):
+        run = motion[:, :, np.newaxis]
+        seen = [sensors.ahead(k, run)[1] for k in range(len(own))]
+        ahead = np.concatenate(seen)
+    return list(zip(own.T, ahead.T, strict=True))
+
+
 class Actuators:
     """What all followers carry out of their commands, from the first sample on.
 

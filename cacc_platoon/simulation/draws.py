@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from cacc_platoon.model import factor_interval
 from cacc_platoon.scenario import Follower, Scenario
 from cacc_platoon.simulation.mean_links import mean_factor
 from cacc_platoon.simulation.trajectory import Array
@@ -75,7 +76,7 @@ def _factors(follower: Follower) -> tuple[float, float]:
     """Return the least and the largest w of a link."""
     if follower.v2v.noise != "bits":
         return (mean_factor(follower),) * 2
-    return 1.0 - 1.0 / follower.v2v.rho, 1.0 + 1.0 / follower.v2v.rho
+    return factor_interval(follower.v2v.rho)
 
 
 def _drawn_for(follower: Follower) -> int:

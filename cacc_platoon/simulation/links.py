@@ -157,19 +157,19 @@ def planned(follower: Follower, channel: Channel | None = None) -> bool:
     """Return whether it is known beforehand which packet is used at each sample of a link.
 
     It is not where the sender sends as it moves, nor where the receiver does something else than to
-    choose a packet of those that come.
+    choose a packet of those that come, or watches them.
     """
-    if channel is None and follower.triggered:
+    if follower.monitored or (channel is None and follower.triggered):
         return False
     if isinstance(follower.reception(), ChoosingReception):
         return True
-    return not follower.v2v.receiver and promise_of(channel or follower.channel()).prompt
+    return not follower.asks_own_code and promise_of(channel or follower.channel()).prompt
 
 
 def plan_link(follower: Follower, samples: int, channel: Channel) -> LinkPlan:
     """Return what the link to a follower does from sample 0 on, where that is `planned`."""
     delivery = delivery_of(follower, samples, channel)
-    if promise_of(channel).prompt and not follower.v2v.receiver:
+    if promise_of(channel).prompt and not follower.asks_own_code:
         return LinkPlan(True, delivery, np.arange(samples))
     reception = follower.reception()
     assert isinstance(reception, ChoosingReception)

@@ -26,7 +26,7 @@ class MeanLinks:
 
     Where nothing of that is known, packets are nominal: they take the mean latency, are neither
     rounded nor cut, are sent as the sender moves in the mean, and who falls back does so as if
-    blackouts alone lost packets.
+    blackouts alone lost packets and no monitor distrusted them.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class MeanLinks:
             if one.triggered
         }
         self._fallbacks = {
-            number: self._receivers[column].reception()
+            number: self._receivers[column].plain_reception()
             for number, column in enumerate(self._nearest)
             if self._receivers[column].fallback_law()
         }

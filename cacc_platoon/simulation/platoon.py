@@ -16,6 +16,7 @@ from cacc_platoon.model import (
     ControlLaw,
     Gains,
     PacketSource,
+    Reception,
     State,
     ThirdOrderPlant,
     sample_profile,
@@ -44,6 +45,7 @@ from cacc_platoon.simulation.trajectory import (
 
 Progress = Callable[[int, int], None]
 LawFactory = Callable[[Follower], ControlLaw]
+ReceptionFactory = Callable[[Follower], Reception]
 
 
 def initial_positions(scenario: Scenario) -> list[float]:
@@ -64,6 +66,7 @@ def simulate(
     *,
     channel: ChannelFactory | None = None,
     law: LawFactory | None = None,
+    reception: ReceptionFactory | None = None,
 ) -> Trajectory:
     """Run the platoon of a scenario without ROS.
 
@@ -75,13 +78,13 @@ def simulate(
         Replaces every follower's v2v.noise.
     progress : callable, optional
         Called periodically with the sample reached and the number of samples.
-    channel, law : callable, optional
-        Make another channel, or control law, from each follower's parameters.
+    channel, law, reception : callable, optional
+        Make another channel, control law, or reception, from each follower's parameters.
 
     Raises
     ------
     ScenarioError
-        For another noise than these.
+        For another noise than these, or a reception where packets are not counted.
 
     Examples
     --------
@@ -89,18 +92,22 @@ def simulate(
     >>> float(run.platoon_length[0])
     345.0
     """
-    links = links_of_runs([scenario], noise, channel)
+    links = links_of_runs([scenario], noise, channel, reception)
     states = propagate(scenario, links, progress, law=law, sensors=Sensors.of([scenario]))
     last = first_collision(gaps(scenario, states[0, :, 0]))
     if last is not None and scenario.run.stop_on_collision:
         run = dataclasses.replace(scenario.run, duration=last * scenario.run.step)
         shorter = dataclasses.replace(scenario, run=run)
-        links, states = links_of_runs([shorter], noise, channel), states[:, : last + 1]
+        links = links_of_runs([shorter], noise, channel, reception)
+        states = states[:, : last + 1]
     return _of_one_run(scenario, links, states)
 
 
 def links_of_runs(
-    runs: Sequence[Scenario], noise: str | None = None, channel: ChannelFactory | None = None
+    runs: Sequence[Scenario],
+    noise: str | None = None,
+    channel: ChannelFactory | None = None,
+    reception: ReceptionFactory | None = None,
 ) -> Links:
     """Return the links of several runs of one platoon, which differ in their seeds."""
     topology, samples = runs[0].topology, runs[0].samples
@@ -108,14 +115,19 @@ def links_of_runs(
     def given(follower: Follower) -> Channel | None:
         return channel(follower) if channel else None
 
-    if all(planned(one, given(one)) for one in runs[0].receivers):
+    def receivers(run: Scenario) -> list[Follower]:
+        return [one.receiving(reception) for one in run.receivers]
+
+    if all(planned(one, given(one)) for one in receivers(runs[0])):
         return links_of(topology.senders, [plan_links(run, noise, channel) for run in runs])
 
     def packets(follower: Follower) -> Callable[[], PacketSource]:
         return lambda: packet_source(follower, samples, given(follower), noise)
 
-    links = [[LinkOfRun(one, packets(one)) for one in run.receivers] for run in runs]
-    return SteppedLinks(links, topology.senders, topology.columns)
+    links = [[LinkOfRun(one, packets(one)) for one in receivers(run)] for run in runs]
+    watched = any(one.monitored for one in runs[0].receivers)
+    sensors = Sensors.of(runs) if watched else None
+    return SteppedLinks(links, topology.senders, topology.columns, sensors)
 
 
 def simulate_mean(scenario: Scenario) -> Trajectory:

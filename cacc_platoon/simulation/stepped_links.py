@@ -7,9 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cacc_platoon.model import PacketSource
+from cacc_platoon.model import MonitoredReception, PacketSource
 from cacc_platoon.model.channel import ChannelError
 from cacc_platoon.scenario import Follower
+from cacc_platoon.simulation.bodies import Sensors
 from cacc_platoon.simulation.trajectory import Array, Arrivals
 
 
@@ -29,13 +30,24 @@ class _Process:
         except ChannelError as error:
             raise _named(error, link.follower) from error
         self._follower = link.follower
-        self._at_once = self._packets.prompt and not link.follower.v2v.receiver
         self._reception = link.follower.reception()
+        watched = isinstance(self._reception, MonitoredReception)
+        self.watched = self._reception if watched else None
+        self._at_once = self._packets.prompt and not (watched or link.follower.asks_own_code)
         self.share = 1.0
         self.arrived: list[tuple[int, int, float]] = []
 
     def step(self, sample: int, motion: Array) -> float:
         """Return what is used at a sample; the sender's motion is of shape (3, samples)."""
+        delivered = self.deliver(sample, motion)
+        if self._at_once:
+            return delivered[0][1]
+        used = self._reception.use(delivered)
+        self.share = getattr(self._reception, "share", 1.0)
+        return used
+
+    def deliver(self, sample: int, motion: Array) -> list[tuple[int, float]]:
+        """Return source and value [m/s^2] of what arrives at a sample."""
         try:
             packets = self._packets.deliver(sample, *motion[:2, sample].tolist())
         except ChannelError as error:
@@ -44,11 +56,7 @@ class _Process:
             (packet.source, packet.value(float(motion[2, packet.content]))) for packet in packets
         ]
         self.arrived += [(source, sample, value) for source, value in delivered]
-        if self._at_once:
-            return delivered[0][1]
-        used = self._reception.use(delivered)
-        self.share = getattr(self._reception, "share", 1.0)
-        return used
+        return delivered
 
 
 def _named(error: ChannelError, follower: Follower) -> ChannelError:
@@ -66,6 +74,8 @@ class SteppedLinks:
         Column of each link's sender.
     columns : sequence of slice
         The links to each follower.
+    sensors : Sensors, optional
+        What the followers measure, where that is watched; all that is, by default.
     """
 
     def __init__(
@@ -73,8 +83,10 @@ class SteppedLinks:
         runs: Sequence[Sequence[LinkOfRun]],
         senders: Sequence[int],
         columns: Sequence[slice],
+        sensors: Sensors | None = None,
     ) -> None:
         self._runs, self._senders, self._columns = runs, senders, columns
+        self._sensors = sensors
         self._begin()
 
     def _begin(self) -> None:
@@ -86,6 +98,7 @@ class SteppedLinks:
         """Return what is used of every link at a sample."""
         if sample == 0:
             self._begin()
+        self._measure(sample, motion)
         used = [
             [
                 link.step(sample, motion[:, :, number, sender])
@@ -101,6 +114,18 @@ class SteppedLinks:
             self.share = np.array(shares)
         return np.array(used)
 
+    def _measure(self, sample: int, motion: Array) -> None:
+        """Have the links that are watched know what their receivers measure."""
+        if not any(link.watched for link in self._links[0]):
+            return
+        own, ahead = motion[1, sample, :, 1:], motion[1, sample, :, :-1]
+        if self._sensors:
+            _, ahead = self._sensors.ahead(sample, motion)
+        for number, run in enumerate(self._links):
+            for follower, links in enumerate(self._columns):
+                if watched := run[links.start].watched:
+                    watched.measure(float(own[number, follower]), float(ahead[number, follower]))
+
     def arrivals(self, run: int, _motion: Array) -> tuple[Arrivals, ...]:
         """Return what has arrived in a run over each link."""
         return tuple(_arrivals(link.arrived) for link in self._links[run])
@@ -110,7 +135,7 @@ def followed(link: LinkOfRun, motion: Array) -> Arrivals:
     """Return what arrives over a link whose sender moves so, shape (3, samples)."""
     process = _Process(link)
     for sample in range(motion.shape[1]):
-        process.step(sample, motion)
+        process.deliver(sample, motion)
     return _arrivals(process.arrived)
 
 

@@ -16,6 +16,7 @@ from cacc_platoon.model import (
     ConstantTimeHeadway,
     Delivery,
     Gains,
+    MonitoredReception,
     Reception,
 )
 from cacc_platoon.model.reception import picked
@@ -39,26 +40,43 @@ class Arrivals(NamedTuple):
     sample: npt.NDArray[np.int64]
     value: Array
 
-    def of_bag(self, receiver: Follower, samples: int) -> ReceptionHistory:
-        """Return what a receiver makes of it; NaN where only code knows that a bag names."""
-        if receiver.v2v.receiver:
-            return ReceptionHistory(np.full(samples, np.nan), None, None)
-        return self.history(receiver.reception(), samples)
+    def of_bag(self, receiver: Follower, measured: tuple[Array, Array]) -> ReceptionHistory:
+        """Return what a receiver makes of it; NaN where only code knows that a bag names.
 
-    def history(self, reception: Reception, samples: int) -> ReceptionHistory:
-        """Return what the receiver makes of it at each sample."""
+        Parameters
+        ----------
+        receiver : Follower
+            Whose packets they are.
+        measured : tuple of ndarray, shape (samples,)
+            Its velocity and that of the vehicle ahead, as it measures it [m/s].
+        """
+        samples = len(measured[0])
+        if receiver.v2v.receiver:
+            known = self.history(receiver.watching_reception(), samples, measured)
+            return ReceptionHistory(np.full(samples, np.nan), None, None, known.alarm)
+        return self.history(receiver.reception(), samples, measured)
+
+    def history(
+        self, reception: Reception, samples: int, measured: tuple[Array, Array] | None = None
+    ) -> ReceptionHistory:
+        """Return what the receiver makes of it at each sample; see `of_bag`."""
         if isinstance(reception, ChoosingReception):
             chosen = reception.chosen(Delivery(*self), samples)
             return ReceptionHistory(picked(self.value, chosen, 0.0), None, None)
         used, share = np.empty(samples), np.ones(samples)
-        state = np.zeros(samples, np.int64)
+        state, alarm = np.zeros(samples, np.int64), np.zeros(samples, np.bool_)
+        watched = reception if isinstance(reception, MonitoredReception) and measured else None
+        seen = list(zip(*(part.tolist() for part in measured or ()), strict=True))
         ends = np.searchsorted(self.sample, np.arange(samples + 1)).tolist()
         packets = list(zip(self.source.tolist(), self.value.tolist(), strict=True))
         for k, (begin, end) in enumerate(pairwise(ends)):
+            if watched:
+                watched.measure(*seen[k])
             used[k] = reception.use(packets[begin:end])
+            alarm[k] = watched is not None and watched.monitor.alarm
             share[k] = getattr(reception, "share", 1.0)
             state[k] = getattr(reception, "state", 0)
-        return ReceptionHistory(used, share, state)
+        return ReceptionHistory(used, share, state, alarm if watched else None)
 
 
 class ReceptionHistory(NamedTuple):
@@ -72,11 +90,14 @@ class ReceptionHistory(NamedTuple):
         Of the control law in the command; None where it is always 1.
     state : ndarray of int64 or None
         `ReceptionState`; None where it is always normal.
+    alarm : ndarray of bool or None
+        Whether its monitor says that packets contradict what is measured; None where it has none.
     """
 
     used: Array
     share: Array | None
     state: npt.NDArray[np.int64] | None
+    alarm: npt.NDArray[np.bool_] | None = None
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,6 @@ many messages it has published by then: messages and counts are two topics and h
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
 from typing import Generic, NamedTuple, Protocol, TypeAlias, TypeVar
 
 from cacc_platoon.model import Reception
@@ -50,6 +49,29 @@ def doubtful_from(sample: int) -> str:
 def seconds(stamp: int) -> str:
     """Return a stamp [ns] for a line of text."""
     return f"{stamp / 1e9:.9g} s"
+
+
+class Sequence:
+    """The stamps of one topic, which must come one step apart from 0 on."""
+
+    def __init__(self, what: str, step_ns: int) -> None:
+        self._what, self._step = what, step_ns
+        self.due = 0
+
+    def take(self, stamp: int) -> None:
+        """Accept the next stamp or raise LockstepError."""
+        if stamp != self.due:
+            raise LockstepError(
+                f"{self._what} is stamped {seconds(stamp)} where {seconds(self.due)} is due: "
+                f"{lost_or_foreign(stamp, self.due, self._step)}"
+            )
+        self.due += self._step
+
+
+class Counts(Sequence):
+    """The counts of a relay: their stamps, and how many messages it has published."""
+
+    published = 0
 
 
 class Delivered(NamedTuple, Generic[Message]):
@@ -157,7 +179,7 @@ class CountedInbox:
         self._receiver = receiver
         self._reception, self._step = reception, step_ns
         self._deliveries: CountedDeliveries[tuple[int, float]] = CountedDeliveries()
-        self._ready: dict[int, Used] = {}
+        self._ready: dict[int, list[tuple[int, float]]] = {}
 
     def __contains__(self, stamp: object) -> bool:
         """Whether it is known what to use at a sample."""
@@ -175,7 +197,9 @@ class CountedInbox:
 
     def pop(self, stamp: int) -> Used:
         """Return what to use at a sample, and forget it."""
-        return self._ready.pop(stamp)
+        reception = self._reception
+        value = reception.use(self._ready.pop(stamp))
+        return (value,), getattr(reception, "share", 1.0), getattr(reception, "state", 0)
 
     def _settle(self) -> None:
         for stamp, packets in self._deliveries.settled():
@@ -185,16 +209,13 @@ class CountedInbox:
                     "sent: a message comes from another publisher; "
                     f"{doubtful_from(stamp // self._step)}"
                 )
-            reception = self._reception
-            value = reception.use(packets)
-            share, state = getattr(reception, "share", 1.0), getattr(reception, "state", 0)
-            self._ready[stamp] = ((value,), share, state)
+            self._ready[stamp] = packets
 
 
 class JointInbox:
     """What is used of several links together; messages go to the inboxes of the links."""
 
-    def __init__(self, inboxes: Sequence[Inbox]) -> None:
+    def __init__(self, inboxes: list[Inbox]) -> None:
         self._inboxes = inboxes
 
     def __contains__(self, stamp: object) -> bool:

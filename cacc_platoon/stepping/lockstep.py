@@ -15,6 +15,7 @@ from cacc_platoon.model import (
     Channel,
     ControlLaw,
     LeaderProfile,
+    MonitoredReception,
     Sensor,
     State,
     TriggeredChannel,
@@ -28,40 +29,24 @@ from cacc_platoon.scenario.run_event import EventKind, RunEvent
 from cacc_platoon.scenario.timeline import Change
 from cacc_platoon.stepping.deliveries import (
     CountedInbox,
+    Counts,
     Inbox,
     JointInbox,
     LockstepError,
     PromptInbox,
-    Used,
+    Sequence,
     doubtful_from,
-    lost_or_foreign,
     seconds,
 )
 
 PublishState = Callable[[int, State[float]], None]
 PublishCommand = Callable[[int, float, float, float], None]
 PublishReception = Callable[[int, int, float], None]
+PublishMonitor = Callable[[int, bool, float], None]
 PublishAcceleration = Callable[[int, float], None]
 PublishCount = Callable[[int, int], None]
 Tell = Callable[[RunEvent], None]
 _Motion = tuple[float, float, float, float]
-
-
-class Sequence:
-    """The stamps of one topic, which must come one step apart from 0 on."""
-
-    def __init__(self, what: str, step_ns: int) -> None:
-        self._what, self._step = what, step_ns
-        self.due = 0
-
-    def take(self, stamp: int) -> None:
-        """Accept the next stamp or raise LockstepError."""
-        if stamp != self.due:
-            raise LockstepError(
-                f"{self._what} is stamped {seconds(stamp)} where {seconds(self.due)} is due: "
-                f"{lost_or_foreign(stamp, self.due, self._step)}"
-            )
-        self.due += self._step
 
 
 class LockstepFollower:
@@ -81,6 +66,8 @@ class LockstepFollower:
         Replaces the constant time headway law.
     publish_reception : callable, optional
         Called with stamp [ns], state of the reception and share of the law for every step.
+    publish_monitor : callable, optional
+        Called with stamp [ns], alarm and excess [m/s] of the monitor, if there is one, likewise.
     tell : callable, optional
         Called with what happens to it.
     initial : State, optional
@@ -96,6 +83,7 @@ class LockstepFollower:
         law: ControlLaw | None = None,
         *,
         publish_reception: PublishReception | None = None,
+        publish_monitor: PublishMonitor | None = None,
         tell: Tell | None = None,
         initial: State[float] | None = None,
     ) -> None:
@@ -111,7 +99,6 @@ class LockstepFollower:
         self._follower = follower
         sensing = follower.sensing()
         self._sensor = None if sensing.perfect else Sensor(sensing)
-        self._move_headway()
         speed = scenario.platoon.initial_speed
         spacing = follower.standstill_distance + follower.gains.time_headway * speed
 
@@ -120,7 +107,6 @@ class LockstepFollower:
 
         self._begin = begin
         self._publish_state, self._publish_command = publish_state, publish_command
-        self._publish_reception = publish_reception
         ahead = scenario.lengths[scenario.indices.index(follower.index)]
         self._length_ahead = ahead if scenario.run.stop_on_collision else -math.inf
         self._tell = tell or (lambda event: None)
@@ -134,18 +120,20 @@ class LockstepFollower:
         self._velocities: deque[float] = deque()
         self._counted = follower.counted
         links = scenario.topology.links_to(follower.index)
+        receptions = [follower.on(link).reception() for link in links]
+        watching = [one for one in receptions if isinstance(one, MonitoredReception)]
+        self._watching = watching[0] if watching else None
+        self._say_reception = _saying(publish_reception, publish_monitor, self._watching)
+        self._move_headway()
         self._inboxes: list[Inbox] = [
-            CountedInbox(follower.reception(), self._step_ns, self._name)
-            if self._counted
-            else PromptInbox()
-            for _ in links
+            CountedInbox(one, self._step_ns, self._name) if self._counted else PromptInbox()
+            for one in receptions
         ]
-        self._inbox: Inbox | JointInbox = (
-            self._inboxes[0] if len(links) == 1 else JointInbox(self._inboxes)
-        )
-        self._counts = [0 for _ in links]
-        self._count_sequences = [
-            Sequence(f"{self._name}: v2v/complete of {vehicle_name(link.sender)}", self._step_ns)
+        self._inbox: Inbox | JointInbox = JointInbox(self._inboxes)
+        if len(links) == 1:
+            (self._inbox,) = self._inboxes
+        self._counts = [
+            Counts(f"{self._name}: v2v/complete of {vehicle_name(link.sender)}", self._step_ns)
             for link in links
         ]
 
@@ -179,14 +167,15 @@ class LockstepFollower:
 
     def take_count(self, stamp: int, count: float, link: int = 0) -> None:
         """Accept that the relay is done with a sample and has published `count` messages in all."""
-        self._count_sequences[link].take(stamp)
-        if not (count.is_integer() and self._counts[link] <= count):
+        counts = self._counts[link]
+        counts.take(stamp)
+        if not (count.is_integer() and counts.published <= count):
             raise LockstepError(
                 f"{self._name}: v2v/complete of {seconds(stamp)} counts {count:g} messages after "
-                f"{self._counts[link]}: it comes from another publisher; "
+                f"{counts.published}: it comes from another publisher; "
                 f"{doubtful_from(stamp // self._step_ns)}"
             )
-        self._counts[link] = int(count)
+        counts.published = int(count)
         self._inboxes[link].count(stamp, int(count))
         self._advance()
 
@@ -203,28 +192,26 @@ class LockstepFollower:
     def _move_headway(self) -> None:
         headways = self._follower.headways(self._end // self._step_ns + 1)
         self._headways = None if headways is None else headways.tolist()
-        self._prepares = bool(self._headways or self._sensor)
+        self._prepares = bool(self._headways or self._sensor or self._watching)
 
     def _advance(self) -> None:
         while self._positions and self._velocities and self._stamp in self._inbox:
-            used = self._inbox.pop(self._stamp)
-            self._step(self._positions.popleft(), self._velocities.popleft(), used)
+            self._step(self._positions.popleft(), self._velocities.popleft())
 
-    def _step(self, position: float, velocity: float, used: Used) -> None:
+    def _step(self, position: float, velocity: float) -> None:
         state = self._state
         assert state is not None
         stamp = self._stamp
         self._stamp = stamp + self._step_ns
-        received, share, reception = used
         motion = state.position, state.velocity, position, velocity
         if self._prepares:
             motion = self._prepare(stamp, motion)
-        if self._publish_reception:
-            self._publish_reception(stamp, reception, share)
+        received, share, reception = self._inbox.pop(stamp)
+        if self._say_reception:
+            self._say_reception(stamp, reception, share)
         try:
             command = self._law.command(*motion, *received)
-            if share < 1.0:
-                assert self._fallback is not None
+            if share < 1.0 and self._fallback:
                 alone = self._fallback.command(*motion, 0.0)
                 command = share * command + (1.0 - share) * alone
             finite = math.isfinite(command)
@@ -254,13 +241,33 @@ class LockstepFollower:
             self._publish_state(self._stamp, self._state)
 
     def _prepare(self, stamp: int, motion: _Motion) -> _Motion:
-        """Move the time headway, and return the motion as it is measured."""
+        """Move the time headway, watch the vehicle ahead, and return the motion as measured."""
         if self._headways:
             headway = self._headways[stamp // self._step_ns]
             self._law = self._spacing_policy = self._spacing_policy.with_headway(headway)
         if self._sensor:
-            return (*motion[:2], *self._sensor.ahead(motion[:2], motion[2:]))
+            motion = (*motion[:2], *self._sensor.ahead(motion[:2], motion[2:]))
+        if self._watching:
+            self._watching.measure(motion[1], motion[3])
         return motion
+
+
+def _saying(
+    publish_reception: PublishReception | None,
+    publish_monitor: PublishMonitor | None,
+    watching: MonitoredReception | None,
+) -> PublishReception | None:
+    """Return what publishes the state of a reception, and the alarm of its monitor."""
+    if publish_monitor is None or watching is None:
+        return publish_reception
+    monitor = watching.monitor
+
+    def say(stamp: int, state: int, share: float) -> None:
+        if publish_reception:
+            publish_reception(stamp, state, share)
+        publish_monitor(stamp, monitor.alarm, monitor.excess)
+
+    return say
 
 
 class LockstepRelay:

@@ -20,6 +20,7 @@ from cacc_platoon.stepping.lockstep import (
     PublishAcceleration,
     PublishCommand,
     PublishCount,
+    PublishMonitor,
     PublishReception,
     PublishState,
     Tell,
@@ -111,6 +112,7 @@ class Steppers:
         publish_command: PublishCommand | None = None,
         *,
         publish_reception: PublishReception | None = None,
+        publish_monitor: PublishMonitor | None = None,
         tell: Tell | None = None,
         law: ControlLaw | None = None,
         initial: State[float] | None = None,
@@ -123,6 +125,7 @@ class Steppers:
             publish_command,
             law,
             publish_reception=publish_reception,
+            publish_monitor=publish_monitor,
             tell=tell,
             initial=initial,
         )

@@ -14,7 +14,7 @@ from cacc_platoon.errors import UserError
 from cacc_platoon.stop_signal import STOP_SIGNALS, StopSignal
 
 if TYPE_CHECKING:
-    from cacc_platoon.model import Channel, ControlLaw
+    from cacc_platoon.model import Channel, ControlLaw, Reception
     from cacc_platoon.scenario import Follower
 
 BAD_INPUT = 2
@@ -25,9 +25,12 @@ def leader() -> int:
     return _run("leader")
 
 
-def vehicle(law: Callable[[Follower], ControlLaw] | None = None) -> int:
-    """Run a follower; `law` may make another control law from its parameters."""
-    return _run("vehicle", law)
+def vehicle(
+    law: Callable[[Follower], ControlLaw] | None = None,
+    reception: Callable[[Follower], Reception] | None = None,
+) -> int:
+    """Run a follower; `law` and `reception` may make others from its parameters."""
+    return _run("vehicle", law, reception)
 
 
 def noise_relay(channel: Callable[[Follower], Channel] | None = None) -> int:

@@ -15,7 +15,7 @@ from rclpy.node import Node
 from cacc_platoon.dds import shared_memory
 from cacc_platoon.dds.environment import set_up
 from cacc_platoon.errors import UserError, one_line
-from cacc_platoon.model import Channel, ControlLaw
+from cacc_platoon.model import Channel, ControlLaw, Reception
 from cacc_platoon.nodes.executor import create_executor, spin_for
 from cacc_platoon.nodes.leader import LeaderNode
 from cacc_platoon.nodes.node import RECORD_PARAMETER, PlatoonNode
@@ -69,9 +69,13 @@ def leader(stop: StopSignal) -> int:
     return _run_node(stop, "leader", LeaderNode, 0)
 
 
-def vehicle(stop: StopSignal, law: Callable[[Follower], ControlLaw] | None) -> int:
-    """Run a follower; `law` may make another control law from its parameters."""
-    return _run_node(stop, "vehicle", lambda: VehicleNode(law=law), 1)
+def vehicle(
+    stop: StopSignal,
+    law: Callable[[Follower], ControlLaw] | None,
+    reception: Callable[[Follower], Reception] | None,
+) -> int:
+    """Run a follower; `law` and `reception` may make others from its parameters."""
+    return _run_node(stop, "vehicle", lambda: VehicleNode(law=law, reception=reception), 1)
 
 
 def noise_relay(stop: StopSignal, channel: Callable[[Follower], Channel] | None) -> int:

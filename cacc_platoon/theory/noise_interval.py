@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from cacc_platoon.model import factor_interval
 from cacc_platoon.theory.errors import require, require_reception, require_rho
 
 __all__ = [
@@ -60,7 +61,8 @@ def effective_interval(k_a: float, rho: float, *, reception: float = 1.0) -> Eff
     """
     require_rho(rho)
     require_reception(reception)
-    return EffectiveInterval(reception * (1.0 - 1.0 / rho) * k_a, (1.0 + 1.0 / rho) * k_a)
+    low, high = factor_interval(rho)
+    return EffectiveInterval(reception * low * k_a, high * k_a)
 
 
 def effective_gains(

@@ -121,3 +121,15 @@ def test_the_expectation_run_is_the_mean_of_errors_false_data_and_losses():
     ensemble, mean = monte_carlo(scenario, runs=400), simulate_mean(scenario)
     apart = np.abs(ensemble.mean - mean.spacing_error)
     assert (apart <= 4.5 * ensemble.standard_error + 1e-9).all()
+
+
+def test_a_headway_that_moves_further_than_a_lyapunov_function_serves_is_named():
+    moves = ("1 vehicle_1 controller.time_headway=30",)
+    stiff = {"controller.k_v": 0.1, "controller.k_p": 20.0, "controller.time_headway": 0.6}
+    for gains, wrong in (({}, False), (stiff, True)):
+        one = Scenario.from_values(
+            {**gains, "run.timeline": moves, "controller.headway_rate": 1.0, "run.duration": 60.0}
+        )
+        void = judge(one).void
+        assert any("no Lyapunov function serves all in between" in line for line in void) == wrong
+        assert any(line.startswith("parameters change from 1 s on") for line in void)

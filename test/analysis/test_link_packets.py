@@ -135,3 +135,19 @@ def test_a_margin_that_is_not_known_is_not_the_largest():
     unknown = AgeMargin(0, 2, math.nan, math.nan)
     known = AgeMargin(1, 2, 0.05, 0.5)
     assert "for 50 % of the time (vehicle 2)" in describe_age([unknown, known])
+
+
+def test_packets_of_a_run_whose_losses_and_latency_change():
+    """Everything arrives at once, then nothing, then all of it 0.05 s late."""
+    changes = ("4 link_1 v2v.loss=1", "6 link_1 v2v.loss=0", "6 link_1 v2v.latency=0.05")
+    run = simulate(Scenario.from_values({**SHORT, "run.timeline": changes}))
+    first, *others = compute_metrics(run).reception
+    assert (first.sent, first.lost, first.late) == (1201 - 5, 200, 601 - 5)
+    assert first.bursts == Bursts(1, 200, 200.0)
+    assert first.loss_probability == pytest.approx(200 / 1196)
+    assert not first.loses_too_much
+    assert [link.lost for link in others] == [0, 0]
+    verdict = judge(run.scenario)
+    assert not verdict.certified
+    assert verdict.followers == judge(run.scenario.with_values({"run.timeline": ()})).followers
+    assert any("parameters change from 4 s on" in reason for reason in verdict.void)

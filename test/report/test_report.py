@@ -314,6 +314,10 @@ CHANGED = {
     "v2v.fallback_blend": 1.5,
     "v2v.fallback_return": 2.5,
     "v2v.fallback_headway": 3.5,
+    "v2v.monitor": "report",
+    "v2v.monitor_window": 1.75,
+    "v2v.monitor_margin": 5.5,
+    "v2v.monitor_jerk": 12.5,
     "v2v.burst_begin": 0.25,
     "v2v.burst_end": 0.5,
     "v2v.burst_loss": 0.75,
@@ -355,6 +359,7 @@ CHANGED = {
 }
 OWN = {
     "v2v.channel": "",
+    "v2v.send_rule": "periodic",
     "controller.k_v": 0.71875,
     "v2v.noise": "bits",
     "v2v.bit_probabilities": (0.34375, 0.5),

@@ -7,6 +7,7 @@ from cacc_platoon.model import Forgery, Lattice
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.parameter import ScenarioError
 
+WATCH = {"v2v.monitor": "report"}
 ISO = {"vehicle.limits": "iso15622"}
 RULE = 'must be "BEGIN END WHAT"'
 
@@ -47,6 +48,13 @@ RULE = 'must be "BEGIN END WHAT"'
         ({"v2v.fallback_blend": -1.0}, "v2v.fallback_blend = -1.0 s must be > 0"),
         ({"v2v.fallback_return": 0.0}, "v2v.fallback_return = 0.0 s must be > 0"),
         ({"v2v.fallback_headway": 1.0}, "v2v.fallback_headway = 1.0 s must be above 2 vehicle.ta"),
+        ({"v2v.monitor": "loud"}, "v2v.monitor = 'loud' must be none | report | fallback"),
+        ({"v2v.monitor": "fallback"}, "v2v.monitor = 'fallback' needs v2v.reception = fallback"),
+        ({**WATCH, "v2v.monitor_window": 0.0}, "v2v.monitor_window = 0.0 s must be > 0"),
+        ({**WATCH, "v2v.monitor_window": 0.005}, "= 0.005 s must be at least run.step = 0.01 s"),
+        ({**WATCH, "v2v.latency": 2.0}, "v2v.monitor_window = 2.0 s must be above 2 s, the most"),
+        ({**WATCH, "v2v.monitor_margin": -1.0}, "v2v.monitor_margin = -1.0 must be >= 0"),
+        ({**WATCH, "v2v.monitor_jerk": float("inf")}, "v2v.monitor_jerk = inf m/s^3 must be fin"),
         ({"sensing.delay": -0.1}, "sensing.delay = -0.1 s must be >= 0"),
         ({"sensing.range_std": -0.1}, "sensing.range_std = -0.1 m must be >= 0"),
         ({"sensing.range_rate_std": "low"}, "sensing.range_rate_std = 'low' m/s must be a number"),
@@ -66,6 +74,14 @@ def test_what_is_refused(values, words):
 def test_nothing_starts(tmp_path, capsys):
     asked = ["simulate", "-o", str(tmp_path / "run"), "--set", 'v2v.false_data=["1 2 lies"]']
     assert main([*asked[:1], "config/paper_a.yaml", *asked[1:]]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_monitor_that_cannot_look_back_a_sample_starts_nothing(tmp_path, capsys):
+    wrong = ["--set", "v2v.monitor=report", "--set", "v2v.monitor_window=0.001"]
+    asked = ["simulate", "config/paper_a.yaml", "-o", str(tmp_path / "run"), *wrong]
+    assert main(asked) == 2
     assert capsys.readouterr().err.count("\n") == 1
     assert not (tmp_path / "run").exists()
 

@@ -10,10 +10,11 @@ import pytest
 from cacc_platoon.analysis import compute_metrics
 from cacc_platoon.analysis.consistency import check_consistency, check_links
 from cacc_platoon.runs.events import events_of
-from cacc_platoon.scenario import Scenario
+from cacc_platoon.scenario import Scenario, ScenarioError
 from cacc_platoon.scenario.run_event import EventKind
 from cacc_platoon.scenario.timeline import Change
 from cacc_platoon.simulation import monte_carlo, simulate, simulate_mean
+from cacc_platoon.simulation.monitoring import alarms
 from cacc_platoon.simulation.platoon import commands_of, links_of_runs, propagate
 from cacc_platoon.stepping.lockstep import LockstepFollower, LockstepLeader, LockstepRelay
 
@@ -34,6 +35,11 @@ GILBERT = {
     "v2v.latency": 0.1,
     "v2v.jitter": 0.05,
 }
+WATCHED = {
+    **BRAKE,
+    **{"v2v.reception": "fallback", "v2v.monitor": "fallback", "v2v.blackouts": ()},
+    "v2v.false_data": ("11 14 factor=-1", "25 27 factor=3"),
+}
 RUNS: dict[str, dict[str, Any]] = {
     "cam": CAM,
     "lossy cam": {**CAM, "v2v.loss": 0.2, "v2v.latency": 0.02, "v2v.jitter": 0.05},
@@ -50,6 +56,12 @@ RUNS: dict[str, dict[str, Any]] = {
         "sensing.delay": 0.1,
     },
     "false": {**CAM, **SILENT, "v2v.false_data": ("14 20 replay=3", "25 30 frozen")},
+    "watched": WATCHED,
+    "watched, lossy": {
+        **{**WATCHED, **CAM, **GILBERT, "v2v.noise_std": 0.02, "v2v.saturation": 2.0},
+        **{"sensing.delay": 0.03, "sensing.range_rate_std": 0.1, "v2v.monitor_margin": 1.0},
+        "v2v.false_data": ("11 16 factor=-1",),
+    },
 }
 
 
@@ -57,15 +69,27 @@ def scenario(*parts: dict[str, Any], own: Any = None) -> Scenario:
     return Scenario.from_values({k: v for part in (SHORT, *parts) for k, v in part.items()}, own)
 
 
-def of_nodes(one, adjust=lambda sample, followers, relays: None):
-    """Return the motion of scalar steppers that pass messages on as nodes do, (3, samples, N+1)."""
+def of_nodes(one, adjust=lambda *_: None, published=None, reception=None):
+    """Return the motion of scalar steppers that pass messages on as nodes do, (3, samples, N+1).
+
+    What monitors publish is put into `published`, by index of the follower.
+    """
     posted: deque = deque()
     motion: list[list[tuple[float, ...]]] = [[] for _ in one.vehicles]
 
     def post(kind, index):
         return lambda stamp, value: posted.append((kind, index, stamp, value))
 
-    followers = {f.index: LockstepFollower(f, one, post("state", f.index)) for f in one.followers}
+    def tell(index):
+        said = ({} if published is None else published).setdefault(index, [])
+        return lambda stamp, alarm, _excess: said.append((stamp, alarm))
+
+    followers = {
+        f.index: LockstepFollower(
+            f.receiving(reception), one, post("state", f.index), publish_monitor=tell(f.index)
+        )
+        for f in one.followers
+    }
     relays = {
         f.index: LockstepRelay(
             f, one, post("accel", f.index), post("count", f.index) if f.counted else None
@@ -101,6 +125,37 @@ def test_nodes_and_arrays_agree_to_the_last_bit(name):
     run = simulate(one)
     np.testing.assert_array_equal(of_nodes(one), np.stack(run.motion))
     assert (run.share is None) == (RUNS[name].get("v2v.reception") != "fallback")
+
+
+@pytest.mark.parametrize("name", ["watched", "watched, lossy"])
+def test_what_a_monitor_publishes_is_what_is_worked_out_from_the_run(name):
+    published: dict[int, list[tuple[int, bool]]] = {}
+    one = scenario(RUNS[name])
+    of_nodes(one, published=published)
+    found = alarms(simulate(one))
+    assert set(found) == set(published) == {1, 2, 3}
+    for index, alarm in found.items():
+        stamps, said = zip(*published[index], strict=True)
+        assert stamps == tuple(k * one.step_ns for k in range(one.samples))
+        assert list(said) == alarm.tolist()
+        assert 0.0 < alarm.mean() < 0.5
+
+
+def test_a_monitor_that_reports_changes_nothing_and_one_that_acts_prevents_a_collision():
+    modes = "none", "report", "fallback"
+    quiet, reports, acts = (simulate(scenario(WATCHED, {"v2v.monitor": mode})) for mode in modes)
+    np.testing.assert_array_equal(np.stack(quiet.motion), np.stack(reports.motion))
+    assert alarms(quiet) == {}
+    assert set(alarms(reports)) == {1, 2, 3}
+    assert quiet.gap.min() < 0.0 < acts.gap.min()
+
+
+def test_only_the_link_from_the_vehicle_ahead_is_watched(monkeypatch):
+    """Nothing on board measures those further ahead; a false one of them causes no alarm."""
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[1] / "system"))
+    one = scenario(WATCHED, {"platoon.predecessors": 2, "controller.law": "own_parts:Cautious"})
+    assert [receiver.monitored for receiver in one.receivers] == [True, True, False, True, False]
+    assert all(receiver.counted for receiver in one.receivers)
 
 
 @pytest.mark.parametrize("channel", [{}, CAM, {"v2v.loss": 0.3}])
@@ -313,3 +368,30 @@ def test_a_run_ends_at_the_first_collision():
     (hit,) = (event for event in events_of(run) if event.kind is EventKind.COLLISION)
     assert hit.sample == last
     assert compute_metrics(run).first_collision == (int(hit.node[8]), last * 0.01)
+
+
+class Half:
+    """Uses half of the newest packet."""
+
+    def __init__(self, follower):
+        self.follower, self._value = follower, 0.0
+
+    def use(self, delivered):
+        for _, value in delivered:
+            self._value = 0.5 * value
+        return self._value
+
+
+@pytest.mark.parametrize("channel", [{"v2v.loss": 0.3}, CAM, {"run.adjustable": True}])
+def test_a_reception_is_given_as_an_object(channel, monkeypatch):
+    monkeypatch.syspath_prepend(str(Path(__file__).parent))
+    one = scenario(channel, {"run.duration": 20.0})
+    given = simulate(one, reception=Half)
+    named = simulate(one.with_values({"v2v.receiver": "test_stepped_links:Half"}))
+    np.testing.assert_array_equal(np.stack(given.motion), np.stack(named.motion))
+    np.testing.assert_array_equal(of_nodes(one, reception=Half), np.stack(given.motion))
+
+
+def test_nobody_would_ask_a_reception_where_packets_are_not_counted():
+    with pytest.raises(ScenarioError, match=r"vehicle 1: a reception .* run\.adjustable"):
+        simulate(scenario({"run.duration": 1.0}), reception=Half)

@@ -16,8 +16,9 @@ from cacc_platoon.runs.recording import recording_of
 from cacc_platoon.scenario.channel_presets import channel_names, channel_settings
 from cacc_platoon.scenario.file import load_scenario
 from cacc_platoon.simulation import simulate
+from cacc_platoon.simulation.monitoring import alarms
 from cacc_platoon.testing import Platoon
-from msg_adapters.topics import Graph, VehicleTopics
+from msg_adapters.topics import Graph, Topic, VehicleTopics
 
 HERE = Path(__file__).parent
 PAPER_A = HERE.parents[1] / "config" / "paper_a.yaml"
@@ -78,7 +79,9 @@ def test_one_digest_where_packets_are_rare_or_late(
 def test_one_digest_for_every_channel_with_fallback(
     platoon: Start, name: str, hosts: int | str
 ) -> None:
-    dark = ("v2v.reception=fallback", "v2v.blackouts=[2, 4]", "v2v.fallback_after=0.4")
+    dark = ["v2v.reception=fallback", "v2v.blackouts=[2, 4]", "v2v.fallback_after=0.4"]
+    if name == "attacked":
+        dark += ["v2v.monitor=fallback", 'v2v.false_data=["1.2 1.8 factor=-1"]']
     settings = (*LOSSY[:3], "leader.profile=brake", *channel_settings(name), *dark)
     run = platoon(*settings, hosts=hosts)
     result = run.result()
@@ -87,12 +90,22 @@ def test_one_digest_for_every_channel_with_fallback(
     report = analyse(result.folder.path, runs=0)
     assert report.run.findings == ()
     assert report.consistency.largest == report.recomputed.links.largest == 0.0
-    with Reader(result.folder.bag) as reader:
-        topic = VehicleTopics(run.scenario.platoon.namespace, 2).reception
-        wanted = [c for c in reader.connections if c.topic == topic.name]
-        states = [topic.codec.decode(data)[1] for _, _, data in reader.messages(wanted)]
+    states = recorded(run, VehicleTopics(run.scenario.platoon.namespace, 2).reception)
     assert len(states) == run.scenario.samples
     assert {0.0, 1.0, 2.0} <= set(states)
+    found = alarms(simulate(run.scenario))
+    assert (found != {}) == (name == "attacked")
+    for index, alarm in found.items():
+        topic = VehicleTopics(run.scenario.platoon.namespace, index).monitor
+        assert recorded(run, topic) == alarm.astype(float).tolist()
+        assert alarm.any()
+
+
+def recorded(run: Platoon, topic: Topic) -> list[float]:
+    """Return x of the messages of a topic, by a second reader."""
+    with Reader(run.result().folder.bag) as reader:
+        wanted = [c for c in reader.connections if c.topic == topic.name]
+        return [topic.codec.decode(data)[1] for _, _, data in reader.messages(wanted)]
 
 
 RARE = ("v2v.period=0.05", "v2v.latency=0.03")
@@ -154,7 +167,7 @@ def test_a_lossy_node_is_replayed_bit_for_bit(platoon: Start, replay: Replay, no
 WORLD = (
     *("v2v.reception=fallback", "v2v.blackouts=[2, 4]", "v2v.fallback_after=0.4"),
     *("sensing.range_std=0.05", "sensing.delay=0.03", "vehicle.limits=iso15622"),
-    *("vehicle.stops=true", "record.command=true", "run.hosts=2"),
+    *("vehicle.stops=true", "record.command=true", "run.hosts=2", "v2v.monitor=fallback"),
 )
 
 
