@@ -3,10 +3,10 @@
     python test/campaign/channels.py [--seed 1] [--count 45] [--first 0]
 
 Each try is a real platoon of three followers: a channel preset, or all parts of a channel together,
-often with sensors, limits, a fallback and a timeline, on any number of hosts, and one disturbance.
-Nothing may come of it: exit code 0, the digest of the simulation, a bag that can be read and whose
-data stand, every recorded value the one that is due to the last bit. Any 45 tries in a row put
-every channel under every disturbance.
+often with sensors, limits, a fallback, a monitor and a timeline, on any number of hosts, and one
+disturbance. Nothing may come of it: exit code 0, the digest of the simulation, a bag that can be
+read and whose data stand, every recorded value the one that is due to the last bit. Any 45 tries in
+a row put every channel under every disturbance.
 """
 
 from __future__ import annotations
@@ -57,6 +57,7 @@ EXTRAS = {
         *("v2v.reception=fallback", "v2v.fallback_after=0.4"),
         "vehicle_2.v2v.blackouts=[3, 7]",
     ),
+    "monitor": ("v2v.reception=fallback", "v2v.monitor=fallback"),
 }
 CHANGES = {
     "link": ("v2v.loss=0.3", "v2v.loss=1", "v2v.loss=0", "v2v.latency=0.04", "v2v.bias=0.1"),
