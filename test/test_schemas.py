@@ -67,6 +67,7 @@ SILENT = {
     "v2v.false_data": ("2 3 factor=3",),
     "run.duration": 3.0,
     "vehicle.limits": "iso15622",
+    "run.timeline": ("1 link_2 v2v.loss=0.5",),
 }
 DESIGNS = [
     question.split()

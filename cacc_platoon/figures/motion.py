@@ -26,8 +26,11 @@ _MOST_TICKS = 7
 
 
 def plot_spacing_errors(axes: Axes, run: Trajectory) -> None:
-    """Draw delta_i of every follower (the paper's spacing error figures)."""
+    """Draw delta_i of every follower (the paper's spacing error figures), changes dashed."""
     plot_per_vehicle(axes, run.time, run.spacing_error, run.scenario.indices)
+    for change in run.scenario.changes:
+        if change.sample < run.scenario.samples:
+            axes.axvline(change.sample * run.scenario.run.step, color=GREY, ls="--", lw=0.8)
     axes.set_ylabel(r"spacing error $\delta_i$ [m]")
 
 

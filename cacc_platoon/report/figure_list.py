@@ -39,7 +39,8 @@ def _error_pictures(report: Report) -> Iterator[Picture]:
     yield Picture(
         "spacing_errors",
         "Spacing errors, this run",
-        "Positive: closer to the vehicle ahead than the time headway policy asks for.",
+        "Positive: closer to the vehicle ahead than the time headway policy asks for."
+        + (" Dashed: parameters change (run.timeline)." if run.scenario.changes else ""),
         lambda axes: motion.plot_spacing_errors(axes, run),
     )
     yield Picture(

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from cacc_platoon.analysis.course import course_of
 from cacc_platoon.formats import Format
 from cacc_platoon.model import ReceptionState
 from cacc_platoon.runs.folder import versions
@@ -50,6 +51,10 @@ def metrics_document(report: Report) -> dict[str, Any]:
                     "share_above": one.share_above,
                 }
                 for one in report.age_margins
+            ],
+            "events": [
+                {"time": round(event.sample * scenario.run.step, 9), **event._asdict()}
+                for event in course_of(run.trajectory)
             ],
             "noise": _noise(report.measured.noise),
             "expected": _metrics(report.expected),

@@ -11,6 +11,9 @@ from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.names import vehicle_name
 from cacc_platoon.scenario.table import TABLE
 
+MOST_EVENTS = 100
+"""So many are on the page."""
+
 UNKNOWN = "-"
 
 
@@ -139,6 +142,21 @@ def reception_table(document: dict[str, Any]) -> str:
 def fallback_table(document: dict[str, Any]) -> str:
     """Return the shares of time in each state of reception, one row per vehicle."""
     return _vehicle_table(document, "fallback", FALLBACK_COLUMNS)
+
+
+def event_table(document: dict[str, Any]) -> str:
+    """Return what happened in the run, one row an event, the first ones of many."""
+    events = document["events"]
+    rows = []
+    for event in events[:MOST_EVENTS]:
+        words = (as_html(event[key]) for key in ("node", "kind", "text"))
+        cells = "".join(f'<td class="text">{word}</td>' for word in words)
+        rows.append(f"<td>{event['time']:g}</td>{cells}")
+    left = len(events) - len(rows)
+    more = f"<p>and {left} more; metrics.json has all of them</p>" if left else ""
+    names = [_heading(name, left=True) for name in ("node", "what", "to what")]
+    headings = [_heading("time", "s"), *names]
+    return _table(headings, rows) + more
 
 
 def monitor_table(document: dict[str, Any]) -> str:

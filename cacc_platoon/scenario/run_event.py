@@ -11,6 +11,7 @@ class EventKind(StrEnum):
 
     START = "start"
     CHANGE = "change"
+    RECEPTION = "reception"
     COLLISION = "collision"
     END = "end"
 
@@ -27,7 +28,8 @@ class RunEvent(NamedTuple):
     node : str
         Where, relative to the platoon's namespace.
     text : str
-        What more there is to say: of a change, parameter and value as `run.timeline` takes them.
+        What more there is to say: of a change, parameter and value as `run.timeline` takes them; of
+        a reception, its state.
     """
 
     kind: EventKind
