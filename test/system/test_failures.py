@@ -179,7 +179,6 @@ def test_a_count_of_another_publisher_ends_the_run_by_name(platoon: Start) -> No
     [
         ("vehicle_2/vehicle", "controller.k_p:=0.01"),
         ("vehicle_2/noise_relay", "run.seed:=7"),
-        ("vehicle_2/vehicle", "run.step:=0.02"),
     ],
 )
 def test_a_node_with_other_parameters_is_named(platoon: Start, node: str, parameter: str) -> None:
