@@ -327,7 +327,7 @@ def test_a_change_that_was_not_planned_is_the_planned_one_of_its_sample(name):
     planned = one.with_changes(done)
     np.testing.assert_array_equal(found, of_nodes(planned))
     np.testing.assert_array_equal(found, np.stack(simulate(planned).motion))
-    assert not np.array_equal(found, of_nodes(one))
+    assert not np.array_equal(found, np.stack(simulate(one).motion))
 
 
 def test_a_headway_changes_without_a_jump_of_the_command():
@@ -340,15 +340,15 @@ def test_a_headway_changes_without_a_jump_of_the_command():
     assert run.gap[-1, 0] == pytest.approx(5.0 + 1.4 * 25.0, abs=0.3)
 
 
-def test_the_mean_of_400_runs_with_a_timeline_is_the_expectation_run():
+def test_the_mean_of_runs_with_a_timeline_is_the_expectation_run():
     one = scenario({"run.timeline": TIMELINE, "run.duration": 40.0, "run.step": 0.02})
-    mean, ensemble = simulate_mean(one), monte_carlo(one, 400)
+    mean, ensemble = simulate_mean(one), monte_carlo(one, 150)
     known = ensemble.standard_error > 1e-9
     away = np.abs(ensemble.mean - mean.spacing_error)[known] / ensemble.standard_error[known]
     assert away.max() < 4.5
     unchanged = simulate_mean(one.with_values({"run.timeline": TIMELINE[2:]})).spacing_error
     wrong = np.abs(ensemble.mean - unchanged)[known] / ensemble.standard_error[known]
-    assert wrong.max() > 20.0
+    assert wrong.max() > 12.0
 
 
 def test_a_run_ends_at_the_first_collision():
