@@ -25,7 +25,10 @@ def assert_bag_is_readable(run: Platoon, at_least: int) -> None:
     """Every topic of the digest has at least so many samples in the bag, up to the end."""
     with Reader(run.folder.bag) as reader:
         counts = {c.topic: c.msgcount for c in reader.connections if "vehicle_" in c.topic}
-        assert sum(1 for _ in reader.messages()) == sum(counts.values()) + 1
+        topics = [connection.topic for connection, _, _ in reader.messages()]
+    assert sum("vehicle_" in topic for topic in topics) == sum(counts.values())
+    assert topics.count("/platoon/scenario") == 1
+    assert topics.count("/platoon/events") >= 1
     assert len(counts) == 15
     assert min(counts.values()) > at_least
 
