@@ -330,7 +330,7 @@ class Receiver:
         return replace(self, given=given)
 
     @property
-    def _longest_interval(self) -> int:
+    def longest_interval(self) -> int:
         """The most samples from packet to packet."""
         if self.triggered:
             return round(MOST_TIME / self.step)
@@ -362,7 +362,7 @@ class Receiver:
             case "hold":
                 return HoldReception()
             case "zero":
-                return ZeroReception(self._longest_interval)
+                return ZeroReception(self.longest_interval)
             case "fallback":
                 times = self.v2v.fallback_after, self.v2v.fallback_blend, self.v2v.fallback_return
                 return FallbackReception(*(max(1, round(time / self.step)) for time in times))
