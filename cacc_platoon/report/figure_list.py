@@ -158,7 +158,8 @@ def _channel_pictures(report: Report) -> Iterator[Picture]:
         yield Picture(
             "monitor",
             "Alarms of the assumption monitors",
-            "When no w within rho explains what a follower receives and measures.",
+            "When no w within rho and jerk within v2v.monitor_jerk explains what a follower "
+            "receives and measures.",
             lambda axes: channel.plot_alarms(axes, run, watched),
         )
 
