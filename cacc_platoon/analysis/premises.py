@@ -118,7 +118,8 @@ def _growth_with_packets(
     yield (
         f"with {times}{sent}{were}, accelerations grow in the mean by {found.growth:.6g} per hop"
         f"{where} at {found.omega:.4g} rad/s, lag {found.tau:g} s and k = "
-        f"{found.k_effective:.4g}{count}: {_remedy(follower, times)} gains that bear it (platoon design --v2v-period)"
+        f"{found.k_effective:.4g}{count}: {_remedy(follower, times)} gains that bear it "
+        "(platoon design --v2v-period)"
     )
 
 
