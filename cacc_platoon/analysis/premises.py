@@ -164,8 +164,7 @@ def _effective_changes(scenario: Scenario) -> list[Change]:
     """Return the changes within the run that give a parameter another value than it had."""
     latest: dict[tuple[int, str], float] = {}
     found = []
-    last = {(one.sample, one.vehicle, one.name): one for one in scenario.changes}
-    for one in last.values():
+    for one in scenario.changes:
         key = one.vehicle, one.name
         before = latest.get(key, _initial(scenario.follower(one.vehicle), one.name))
         latest[key] = one.value

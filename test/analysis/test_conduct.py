@@ -152,7 +152,7 @@ def test_all_is_as_before_when_the_last_headway_has_come_back(changes, rate, unt
 
 
 def test_a_change_to_what_is_so_already_voids_nothing():
-    texts = ("1 link_1 v2v.loss=0", "2 link_1 v2v.latency=0.5", "2 link_1 v2v.latency=0")
+    texts = ("1 link_1 v2v.loss=0", "2 link_1 v2v.latency=0")
     verdict = judge(Scenario.from_values({"run.timeline": texts}))
     assert verdict.certified, verdict.void
     silent = {"v2v.reception": "fallback", "v2v.blackouts": (12.0, 15.0)}
