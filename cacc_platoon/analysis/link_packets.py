@@ -181,8 +181,8 @@ def _of_link(run: Trajectory, receiver: Follower, column: int, arrivals: Arrival
     known = np.isfinite(run.sent[:, column])
     if not receiver.v2v.channel:
         due = np.zeros(samples, np.bool_)
-        due[_sent_at(run, receiver, column, samples - receiver.longest_latency_steps)] = True
-        known &= due
+        due[_sent_at(run, receiver, column, samples)] = True
+        known &= due & (_arrives_by(receiver, samples) < samples)
     if run.arrivals is None or not receiver.counted:
         known &= np.isfinite(run.received[:, column])
     delivered = np.full(samples, samples)
@@ -200,6 +200,15 @@ def _of_link(run: Trajectory, receiver: Follower, column: int, arrivals: Arrival
         overtaken[source],
         dark[source],
     )
+
+
+def _arrives_by(receiver: Follower, samples: int) -> Integers:
+    """Return by when a packet that is sent at each sample arrives, unless it is lost."""
+    starts, stages = zip(*receiver.stages, strict=True)
+    late = np.array([stage.longest_stage_latency_steps for stage in stages])
+    source = np.arange(samples)
+    by = source + late[np.searchsorted(starts, source, "right") - 1]
+    return np.maximum.accumulate(by) if receiver.v2v.in_order else by
 
 
 def _sent_at(run: Trajectory, receiver: Follower, column: int, stop: int) -> Integers:

@@ -12,9 +12,9 @@ from cacc_platoon.simulation import Trajectory
 from cacc_platoon.simulation.monitoring import alarms
 
 NO_ALARM = (
-    "An alarm says that no w within rho explains both the packets and the measured motion of the "
-    "vehicle ahead. That there is none proves nothing: false data within rho, or while the vehicle "
-    "ahead hardly accelerates, cause none."
+    "An alarm says that no w within rho and jerk within v2v.monitor_jerk explains both the packets "
+    "and the measured motion of the vehicle ahead. That there is none proves nothing: false data "
+    "within rho, or while the vehicle ahead hardly accelerates, cause none."
 )
 
 

@@ -14,9 +14,10 @@ from cacc_platoon.analysis.fallback import FallbackUse, fallback_premises
 from cacc_platoon.analysis.follower_verdict import FollowerVerdict
 from cacc_platoon.analysis.limits import LimitUse, limit_premises
 from cacc_platoon.analysis.noise import LinkNoise
-from cacc_platoon.analysis.packets import packet_times, send_together
+from cacc_platoon.analysis.packets import PacketRate, packet_times, send_together
 from cacc_platoon.model import ConstantTimeHeadway
 from cacc_platoon.scenario import Follower, Scenario
+from cacc_platoon.scenario.timeline import Change
 from cacc_platoon.theory import rounded_down
 from cacc_platoon.theory.switching import blend_is_stable
 
@@ -109,15 +110,24 @@ def _growth_with_packets(
     worst = max(growing, key=lambda follower: growing[follower].growth)
     follower = scenario.follower(worst)
     times = packet_times(follower, scenario.run.step)
+    sent = " (v2v.send_rule = cam sends less often)" if follower.triggered else ""
     were = f", {IF_INDEPENDENT}" if holds_in_bursts(follower) else ""
     count = "" if len(growing) == len(verdicts) else f" (vehicle {worst}, {len(growing)} in all)"
     found = growing[worst]
     where = " of a platoon of such followers" if len(verdicts) == 1 else ""
     yield (
-        f"with {times}{were}, accelerations grow in the mean by {found.growth:.6g} per hop{where} "
-        f"at {found.omega:.4g} rad/s, lag {found.tau:g} s and k = {found.k_effective:.4g}{count}: "
-        "send more often, or take gains that bear it (platoon design --v2v-period)"
+        f"with {times}{sent}{were}, accelerations grow in the mean by {found.growth:.6g} per hop"
+        f"{where} at {found.omega:.4g} rad/s, lag {found.tau:g} s and k = "
+        f"{found.k_effective:.4g}{count}: {_remedy(follower, times)} gains that bear it "
+        "(platoon design --v2v-period)"
     )
+
+
+def _remedy(follower: Follower, times: PacketRate) -> str:
+    """Say what to do about packets that make errors grow, up to "gains that bear it"."""
+    if follower.send_times.interval > 1:
+        return "send more often, or take"
+    return "send with less latency, or take" if times.latency else "take"
 
 
 def _own_code(scenario: Scenario) -> list[str]:
@@ -136,7 +146,7 @@ def _own_code(scenario: Scenario) -> list[str]:
 
 def _changes(scenario: Scenario) -> list[str]:
     """Name the changes in the course of the run: what is proven is of what was before."""
-    changes = [one for one in scenario.changes if one.sample < scenario.samples]
+    changes = _effective_changes(scenario)
     if not changes:
         return []
     step, first = scenario.run.step, changes[0]
@@ -148,6 +158,25 @@ def _changes(scenario: Scenario) -> list[str]:
         f"{more}): what is proven is of those at the beginning{until}",
         *_moving_headways(scenario),
     ]
+
+
+def _effective_changes(scenario: Scenario) -> list[Change]:
+    """Return the changes within the run that give a parameter another value than it had."""
+    latest: dict[tuple[int, str], float] = {}
+    found = []
+    for one in scenario.changes:
+        key = one.vehicle, one.name
+        before = latest.get(key, _initial(scenario.follower(one.vehicle), one.name))
+        latest[key] = one.value
+        if one.sample < scenario.samples and one.value != before:
+            found.append(one)
+    return found
+
+
+def _initial(follower: Follower, name: str) -> float:
+    """Return what a parameter that may change is at the beginning."""
+    group, _, field = name.partition(".")
+    return float(getattr(follower.v2v if group == "v2v" else follower.gains, field))
 
 
 def _moving_headways(scenario: Scenario) -> Iterator[str]:
@@ -168,19 +197,20 @@ def _moving_headways(scenario: Scenario) -> Iterator[str]:
 
 def restored(scenario: Scenario) -> float | None:
     """Return when all that a timeline changes is again what it was [s]; None where it is not."""
-    changes = [one for one in scenario.changes if one.sample < scenario.samples]
+    changes = _effective_changes(scenario)
     ends = [0.0]
     for vehicle, name in {(one.vehicle, one.name) for one in changes}:
         own = [one for one in changes if (one.vehicle, one.name) == (vehicle, name)]
         follower = scenario.follower(vehicle)
-        group, _, field = name.partition(".")
-        initial = getattr(follower.v2v if group == "v2v" else follower.gains, field)
+        initial = _initial(follower, name)
         if own[-1].value != initial:
             return None
         end = own[-1].sample
-        moving = follower.headways(scenario.samples) if group == "controller" else None
-        if moving is not None:
-            end = int(np.flatnonzero(moving != initial)[-1]) + 1 if (moving != initial).any() else 0
+        if name == "controller.time_headway":
+            moved = np.flatnonzero(follower.headways(scenario.samples) != initial)
+            end = int(moved[-1]) + 1 if moved.size else 0
+        if end >= scenario.samples:
+            return None
         ends.append(end * scenario.run.step)
     return max(ends)
 
@@ -214,7 +244,7 @@ def holds_again(scenario: Scenario, conduct: Conduct, void: Sequence[str]) -> fl
     31.5
     """
     dark = [end for _, end in blackouts(scenario)]
-    back_again = restored(scenario) if scenario.changes else None
+    back_again = restored(scenario) if _effective_changes(scenario) else None
     back = [one.end for one in conduct.fallback if one.turns]
     free = [one.end for one in conduct.limits if one.share]
     same = [] if back_again is None else [back_again]

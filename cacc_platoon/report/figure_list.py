@@ -11,12 +11,14 @@ from cacc_platoon.figures.frequency_response import plot_response
 from cacc_platoon.figures.gain_region import plot_regions
 from cacc_platoon.figures.picture import Picture
 from cacc_platoon.model import Link
+from cacc_platoon.simulation.mean_links import nominal
 from cacc_platoon.theory import exact_region, k_a_max, paper_region
 from cacc_platoon.theory.response_band import response_band
 
 if TYPE_CHECKING:
     from cacc_platoon.analysis.analyse import Report
     from cacc_platoon.analysis.follower_verdict import FollowerVerdict
+    from cacc_platoon.scenario import Scenario
 
 
 def pictures(report: Report) -> Iterator[Picture]:
@@ -47,7 +49,7 @@ def _error_pictures(report: Report) -> Iterator[Picture]:
         "spacing_errors_expected",
         "Spacing errors, expectation run",
         f"The mean system of the scenario{report.left_out}, w = E[w] and losses in the mean on "
-        "every link: the mean of all its random runs.",
+        f"every link: {_mean_of_what(run.scenario)}.",
         lambda axes: motion.plot_spacing_errors(axes, expectation),
     )
     if ensemble is not None:
@@ -67,6 +69,13 @@ def _error_pictures(report: Report) -> Iterator[Picture]:
         lambda axes: motion.plot_waterfall(axes, run),
         height=4.4,
     )
+
+
+def _mean_of_what(scenario: Scenario) -> str:
+    """Say of what the expectation run is the mean."""
+    if not (assumed := nominal(scenario)):
+        return "the mean of all its random runs"
+    return f"not quite the mean of all its random runs, since in it {'; '.join(assumed)}"
 
 
 def _motion_pictures(report: Report) -> Iterator[Picture]:
@@ -149,7 +158,8 @@ def _channel_pictures(report: Report) -> Iterator[Picture]:
         yield Picture(
             "monitor",
             "Alarms of the assumption monitors",
-            "When no w within rho explains what a follower receives and measures.",
+            "When no w within rho and jerk within v2v.monitor_jerk explains what a follower "
+            "receives and measures.",
             lambda axes: channel.plot_alarms(axes, run, watched),
         )
 

@@ -318,11 +318,15 @@ def _check_monitor(follower: Follower, step: float, source: str) -> None:
 
     if v2v.monitor == "fallback" and not follower.fallback_law():
         raise refuse("v2v.monitor", v2v.monitor, "needs v2v.reception = fallback to act by")
-    if v2v.monitor_window < step * (1.0 - WHOLE):
-        rule = f"must be at least run.step = {step:g} s"
-        raise refuse("v2v.monitor_window", v2v.monitor_window, rule)
-    if v2v.monitor_window <= (late := follower.longest_latency_steps * step):
-        rule = f"must be above {late:g} s, the most that a packet takes"
+    late, apart = follower.longest_latency_steps, follower.longest_interval
+    if follower.triggered:
+        check = max(1, round(v2v.cam_check / step))
+        apart = -(-apart // check) * check
+    if v2v.monitor_window <= (late + apart) * step * (1.0 + WHOLE):
+        rule = (
+            f"must be above {(late + apart) * step:g} s: packets are up to {apart * step:g} s "
+            f"apart and take up to {late * step:g} s"
+        )
         raise refuse("v2v.monitor_window", v2v.monitor_window, rule)
 
 

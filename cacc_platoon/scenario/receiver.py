@@ -125,10 +125,11 @@ class Receiver:
     @property
     def longest_latency_steps(self) -> int:
         """By how many control periods packets come later at most."""
-        return max(stage._longest_delay for _, stage in self.stages)
+        return max(stage.longest_stage_latency_steps for _, stage in self.stages)
 
     @property
-    def _longest_delay(self) -> int:
+    def longest_stage_latency_steps(self) -> int:
+        """The same as long as nothing changes."""
         late = self._jitter()
         return late.longest_delay if late else self._constant_latency
 
@@ -217,7 +218,7 @@ class Receiver:
             (start, [*stage._false_data(), ConstantLatency(stage.latency_steps)])
             for start, stage in self.stages
         ]
-        return ComposedChannel(_in_turn(stages), self.send_times)
+        return ComposedChannel(self._in_turn(stages), self.send_times)
 
     def _jitter(self) -> RandomLatency | None:
         """Return the latency of packets that take different times."""
@@ -237,7 +238,7 @@ class Receiver:
         late = self._jitter()
         if late is None:
             return [ConstantLatency(self._constant_latency)]
-        return [late, InOrder(late.longest_delay)] if self.v2v.in_order else [late]
+        return [late]
 
     def _false_data(self) -> list[Impairment]:
         forgeries = self.forgeries
@@ -276,7 +277,14 @@ class Receiver:
     def composed(self, noise: str | None = None) -> ComposedChannel:
         """Return what v2v says of the link, whatever custom channel it names."""
         stages = [(start, stage._impairments(noise)) for start, stage in self.stages]
-        return ComposedChannel(_in_turn(stages), self.send_times, self.lattice)
+        return ComposedChannel(self._in_turn(stages), self.send_times, self.lattice)
+
+    def _in_turn(self, stages: list[tuple[int, list[Impairment]]]) -> Sequence[Impairment]:
+        """Return the impairments of all stages as those of one channel."""
+        after: list[Impairment] = []
+        if self.v2v.in_order and (stages[1:] or self.v2v.jitter):
+            after = [InOrder(self.longest_latency_steps)]
+        return [*(stages[0][1] if len(stages) == 1 else [Successive(stages)]), *after]
 
     def _impairments(self, noise: str | None) -> list[Impairment]:
         """Return what happens to packets as long as nothing changes."""
@@ -322,7 +330,7 @@ class Receiver:
         return replace(self, given=given)
 
     @property
-    def _longest_interval(self) -> int:
+    def longest_interval(self) -> int:
         """The most samples from packet to packet."""
         if self.triggered:
             return round(MOST_TIME / self.step)
@@ -354,17 +362,12 @@ class Receiver:
             case "hold":
                 return HoldReception()
             case "zero":
-                return ZeroReception(self._longest_interval)
+                return ZeroReception(self.longest_interval)
             case "fallback":
                 times = self.v2v.fallback_after, self.v2v.fallback_blend, self.v2v.fallback_return
                 return FallbackReception(*(max(1, round(time / self.step)) for time in times))
             case other:
                 raise ValueError(f"v2v.reception = {other} has no branch here")
-
-
-def _in_turn(stages: list[tuple[int, list[Impairment]]]) -> Sequence[Impairment]:
-    """Return the impairments of all stages as those of one channel."""
-    return stages[0][1] if len(stages) == 1 else [Successive(stages)]
 
 
 def packet_source(

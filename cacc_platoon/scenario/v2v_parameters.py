@@ -176,7 +176,11 @@ class V2V:
         choices=("none", "report", "fallback"),
     )
     monitor_window: float = parameter(
-        2.0, "s", "how far back the monitor looks, longer than packets take", above=0.0, at_most=1e3
+        2.0,
+        "s",
+        "how far back the monitor looks, longer than packets are apart plus what one takes",
+        above=0.0,
+        at_most=1e3,
     )
     monitor_margin: float = parameter(
         7.0,

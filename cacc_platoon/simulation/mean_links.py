@@ -24,9 +24,10 @@ class MeanLinks:
     docs/theory.md, section 11 (Extensions). Where losses come in bursts, that is so given whether
     the time is good or bad: r is the sum of its parts in good and in bad times.
 
-    Where nothing of that is known, packets are nominal: they take the mean latency, are neither
-    rounded nor cut, are sent as the sender moves in the mean, and who falls back does so as if
-    blackouts alone lost packets and no monitor distrusted them.
+    Where nothing of that is known, packets are nominal, as `nominal` says: they take the mean
+    latency, are neither rounded nor cut, are sent as the sender moves in the mean, are of no use
+    where one that may be lost overtakes them, and who falls back does so as if blackouts alone lost
+    packets and no monitor distrusted them.
 
     Parameters
     ----------
@@ -44,6 +45,9 @@ class MeanLinks:
         self._bias = np.stack([_bias(own) for own in stages], axis=-1)
         self._links = np.arange(len(self._receivers))
         self._kept = np.array([float(one.holds) for one in self._receivers])
+        self._interval = np.array(
+            [np.inf if one.holds else one.longest_interval for one in self._receivers]
+        )
         self._due = _due(scenario)
         self._nearest = [own.start for own in scenario.topology.columns]
         self._begin()
@@ -61,6 +65,8 @@ class MeanLinks:
             for number, column in enumerate(self._nearest)
             if self._receivers[column].fallback_law()
         }
+        self._left = np.zeros(len(self._receivers))
+        self._newest = dict.fromkeys(self._triggered, -1)
         self.share: Array | None = None
 
     def arrivals(self, _run: int, _motion: Array) -> None:
@@ -84,12 +90,17 @@ class MeanLinks:
             sent = sent + bias
         if due is not None:
             sent = sent * due.factor[sample]
+        came = None if due is None else due.carried[sample] >= 0
+        if came is not None:
+            self._left = np.where(came, self._interval, self._left) - 1.0
         parts = []
         for state, now in enumerate(self._parts):
             before = sum(self._next[last, state] * part for last, part in enumerate(self._parts))
             fresh = (1.0 - lost[state]) * self._mean * self._losses[state] * sent
             used = fresh + lost[state] * self._kept * before
-            parts.append(used if due is None else np.where(due.carried[sample] >= 0, used, now))
+            if came is not None:
+                used = np.where(came, used, np.where(self._left >= 0.0, now, 0.0))
+            parts.append(used)
         self._parts = parts
         return np.asarray(sum(parts), np.float64)
 
@@ -97,8 +108,13 @@ class MeanLinks:
         """Put in which packets are due, where the sender sends as it moves in the mean."""
         for column, channel in self._triggered.items():
             position, velocity = motion[:2, sample, 0, self._senders[column]].tolist()
+            receiver = self._receivers[column]
             for packet in channel.deliver(sample, position, velocity):
-                due.put(sample, column, packet, self._receivers[column])
+                may_arrive = _may_arrive(receiver, np.array([packet.source]))[0]
+                if packet.source > self._newest[column] and (may_arrive or receiver.holds):
+                    due.put(sample, column, packet, receiver)
+                if may_arrive:
+                    self._newest[column] = max(packet.source, self._newest[column])
 
     def _fall_back(self, sample: int, due: _Due) -> None:
         """Go on with the law's share, as in a run that loses packets in blackouts alone."""
@@ -180,6 +196,8 @@ def _due(scenario: Scenario) -> _Due | None:
         if follower.triggered:
             continue
         packets = follower.timing().delivery(0, samples)
+        rows = _used(packets.source, _may_arrive(follower, packets.source), follower.holds)
+        packets = packets.pick(rows)
         due.carried[packets.sample, column] = packets.carried
         due.factor[packets.sample, column] = packets.factor
         due.stage[packets.sample, column] = _stage(follower, packets.source)
@@ -189,10 +207,73 @@ def _due(scenario: Scenario) -> _Due | None:
     return due
 
 
+def _may_arrive(receiver: Follower, source: Integers) -> NDArray[np.bool_]:
+    """Return whether packets that are sent at samples are not lost for certain."""
+    certain = np.array([stage.mean_loss >= 1.0 for _, stage in receiver.stages])
+    lost = certain[_stage(receiver, source)]
+    for begin, end in receiver.blackouts:
+        lost = lost | ((source >= begin) & (source < end))
+    return ~lost
+
+
+def _used(source: Integers, may_arrive: NDArray[np.bool_], holds: bool) -> Integers:
+    """Return which packets, in the order of delivery, none that may arrive overtakes.
+
+    Those that are lost for certain come first, so that others at the same sample replace them;
+    they matter, in bad times of a link, to a receiver that holds alone.
+    """
+    newest = np.maximum.accumulate(np.where(may_arrive, source, -1))
+    kept = source >= newest
+    lost = np.flatnonzero(kept & ~may_arrive & holds)
+    return np.concatenate((lost, np.flatnonzero(kept & may_arrive)))
+
+
 def _stage(receiver: Follower, source: Integers) -> Integers:
     """Return at which stage of its link packets are sent."""
     starts = np.array([start for start, _ in receiver.stages])
     return np.searchsorted(starts, source, "right") - 1
+
+
+def nominal(scenario: Scenario) -> list[str]:
+    """Say in what the mean system is not the mean of all random runs.
+
+    Examples
+    --------
+    >>> nominal(Scenario.from_values({"v2v.loss": 0.1}))
+    []
+    >>> nominal(Scenario.from_values({"v2v.jitter": 0.1, "v2v.quantum": 0.1}))
+    ['packets take the mean latency', 'packets are neither rounded nor cut']
+    """
+    receivers, followers = scenario.receivers, scenario.followers
+    lossy = [one for one in receivers if any(stage.mean_loss for _, stage in one.stages)]
+    falls_back = [one for one in followers if one.fallback_law()]
+    said = {
+        "packets take the mean latency": any(one.v2v.jitter for one in receivers),
+        "packets are neither rounded nor cut": any(
+            one.v2v.quantum or one.v2v.saturation for one in receivers
+        ),
+        "packets are sent as the sender moves in the mean": any(one.triggered for one in receivers),
+        "packets that others overtake are of no use, although those may be lost": any(
+            _latency_falls(one) for one in lossy
+        ),
+        "lost packets count as zero before the next one is due": any(
+            one.triggered and not one.holds for one in lossy
+        ),
+        "who falls back does so as if blackouts alone lost packets": any(
+            one.triggered or one.v2v.jitter or one.index in {other.index for other in lossy}
+            for one in falls_back
+        ),
+        "no monitor distrusts packets": any(one.v2v.monitor == "fallback" for one in falls_back),
+        "limits act on the mean motion": any(
+            one.limits() is not None or one.stops for one in followers
+        ),
+    }
+    return [what for what, applies in said.items() if applies]
+
+
+def _latency_falls(receiver: Follower) -> bool:
+    latencies = [stage.latency_steps for _, stage in receiver.stages]
+    return not receiver.v2v.in_order and bool((np.diff(latencies) < 0).any())
 
 
 def mean_factor(follower: Follower) -> float:

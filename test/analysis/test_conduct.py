@@ -9,7 +9,7 @@ from cacc_platoon.analysis import compute_metrics, judge
 from cacc_platoon.analysis.age import link_reception
 from cacc_platoon.analysis.fallback import fallback_use, reception_state
 from cacc_platoon.analysis.limits import limit_use
-from cacc_platoon.analysis.premises import Conduct
+from cacc_platoon.analysis.premises import Conduct, restored
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.simulation import monte_carlo, simulate, simulate_mean
 
@@ -133,3 +133,42 @@ def test_a_headway_that_moves_further_than_a_lyapunov_function_serves_is_named()
         void = judge(one).void
         assert any("no Lyapunov function serves all in between" in line for line in void) == wrong
         assert any(line.startswith("parameters change from 1 s on") for line in void)
+
+
+@pytest.mark.parametrize(
+    ("changes", "rate", "until"),
+    [
+        (("1 vehicle_1 controller.time_headway=1.5", "9 vehicle_1 {}"), 0.5, 9.0 + 0.55 / 0.5),
+        (("1 vehicle_1 controller.time_headway=1.5", "9 vehicle_1 {}"), 0.05, None),
+        (("1 link_1 v2v.loss=0.5", "9 link_1 v2v.loss=0", "12 link_1 v2v.loss=0"), 1.0, 9.0),
+    ],
+)
+def test_all_is_as_before_when_the_last_headway_has_come_back(changes, rate, until):
+    back = f"controller.time_headway={Scenario.from_values({}).follower(1).gains.time_headway}"
+    texts = tuple(text.format(back) for text in changes)
+    values = {"run.timeline": texts, "controller.headway_rate": rate, "run.duration": 16.0}
+    found = restored(Scenario.from_values({"platoon.followers": 2, **values}))
+    assert found == (until if until is None else pytest.approx(until, abs=0.011))
+
+
+def test_a_change_to_what_is_so_already_voids_nothing():
+    texts = ("1 link_1 v2v.loss=0", "2 link_1 v2v.latency=0")
+    verdict = judge(Scenario.from_values({"run.timeline": texts}))
+    assert verdict.certified, verdict.void
+    silent = {"v2v.reception": "fallback", "v2v.blackouts": (12.0, 15.0)}
+    changing = judged({**silent, "run.timeline": texts})
+    assert changing.holds_from == judged(silent).holds_from
+    assert changing.holds_from is not None
+
+
+def test_what_helps_against_growth_can_be_done():
+    late: dict[str, object] = {"v2v.latency": 0.2}
+    rare, prompt, moved = (
+        " ".join(judge(Scenario.from_values(values)).void)
+        for values in ({"v2v.period": 0.3}, late, {**late, "v2v.send_rule": "cam"})
+    )
+    assert ": send more often, or take gains" in rare
+    assert "0.2 s late, accelerations grow" in prompt
+    assert "0.2 s late (v2v.send_rule = cam sends less often), accelerations grow" in moved
+    assert all("send more often" not in text for text in (prompt, moved))
+    assert all(": send with less latency, or take gains" in text for text in (prompt, moved))

@@ -57,3 +57,15 @@ def test_a_zero_that_no_theorem_covers_stays_a_breach(loss, reception):
     measured, verdict = judged(run_with_zeros(10, loss, reception))
     assert measured.noise[1].breaches == 10
     assert "the channel left 1 - 1/rho <= w <= 1 + 1/rho on 1 of 3 links" in verdict.void[0]
+
+
+@pytest.mark.parametrize("zeroed", [{"v2v.quantum": 0.5}, {"v2v.false_data": ("5 10 factor=0",)}])
+def test_a_zero_that_its_packet_says_has_arrived(zeroed):
+    """As many packets are lost as where none says zero."""
+    lossy = {"platoon.followers": 2, "run.duration": 20.0, "leader.start": 0.0}
+    plain = Scenario.from_values({**lossy, "v2v.loss": 0.1, "v2v.reception": "zero"})
+    wanted, found = (
+        compute_metrics(simulate(one)).reception for one in (plain, plain.with_values(zeroed))
+    )
+    assert [link.lost for link in found] == [link.lost for link in wanted]
+    assert not any(link.loses_too_much for link in found)

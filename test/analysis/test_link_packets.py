@@ -151,3 +151,13 @@ def test_packets_of_a_run_whose_losses_and_latency_change():
     assert not verdict.certified
     assert verdict.followers == judge(run.scenario.with_values({"run.timeline": ()})).followers
     assert any("parameters change from 4 s on" in reason for reason in verdict.void)
+
+
+@pytest.mark.parametrize(("in_order", "counted"), [(False, 1150 + 21), (True, 1150)])
+def test_a_latency_that_comes_late_hides_no_packet_before(in_order, counted):
+    """From 11.5 to 11.8 s packets come after the end, and later ones where these wait for them."""
+    losses = ("4 link_1 v2v.loss=1", "5 link_1 v2v.loss=0")
+    latencies = ("11.5 link_1 v2v.latency=9", "11.8 link_1 v2v.latency=0")
+    values = {**SHORT, "v2v.in_order": in_order, "run.timeline": losses + latencies}
+    link = compute_metrics(simulate(Scenario.from_values(values))).reception[0]
+    assert (link.sent, link.lost) == (counted, 100)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from cacc_platoon.analysis import analyse, compute_metrics
-from cacc_platoon.analysis.monitor import monitor_line, monitor_use
+from cacc_platoon.analysis.monitor import NO_ALARM, monitor_line, monitor_use
 from cacc_platoon.cli.simulate import simulate_run
 from cacc_platoon.report import metrics_document, report_run, summary
 from cacc_platoon.scenario import Scenario
@@ -103,3 +103,17 @@ def test_errors_that_a_timeline_brings_are_allowed_for():
     assert not alarms(run)[1].any()
     unsaid = dataclasses.replace(run, scenario=changed.with_values({"run.timeline": ()}))
     assert alarms(unsaid)[1].any()
+
+
+@pytest.mark.parametrize("bias", [0.4, -0.4])
+@pytest.mark.parametrize("sensing", [{}, {"sensing.delay": 0.35}])
+def test_what_a_scenario_says_of_errors_and_sensors_is_no_alarm(bias, sensing):
+    """A bias of either sign, and a sensor that is late: the monitor knows of both."""
+    values = {"vehicle_2.v2v.false_data": (), "v2v.bias": bias, "v2v.noise": "none", **sensing}
+    quick = {"leader.angular_frequency": 3.0, "leader.amplitude": 3.0, "v2v.monitor_jerk": 0.0}
+    used = monitor_use(simulate(scenario({**values, **quick})))
+    assert [one.alarms for one in used] == [0, 0, 0]
+
+
+def test_what_an_alarm_takes_for_granted_is_said():
+    assert "no w within rho and jerk within v2v.monitor_jerk explains" in NO_ALARM

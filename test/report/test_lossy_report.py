@@ -323,3 +323,20 @@ def test_standard_messages_are_not_said_to_come_every_control_period(made):
     report, text, _ = made({"v2v.send_rule": "cam", "v2v.latency": 0.04})
     assert "every 0.01 s, 0.04 s late (so they are taken here: they are sent as" in text
     assert not report.verdict.certified
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"v2v.loss": 0.2}, ": the mean of all its random runs."),
+        (
+            {"v2v.jitter": 0.1, "v2v.quantum": 0.1},
+            ": not quite the mean of all its random runs, since in it packets take the mean "
+            "latency; packets are neither rounded nor cut.",
+        ),
+    ],
+)
+def test_the_picture_of_the_expectation_run_says_of_what_it_is_the_mean(made, values, words):
+    report, _, _ = made(values)
+    named = {picture.name: picture for picture in figure_list.pictures(report)}
+    assert named["spacing_errors_expected"].caption.endswith(words)

@@ -51,8 +51,28 @@ RULE = 'must be "BEGIN END WHAT"'
         ({"v2v.monitor": "loud"}, "v2v.monitor = 'loud' must be none | report | fallback"),
         ({"v2v.monitor": "fallback"}, "v2v.monitor = 'fallback' needs v2v.reception = fallback"),
         ({**WATCH, "v2v.monitor_window": 0.0}, "v2v.monitor_window = 0.0 s must be > 0"),
-        ({**WATCH, "v2v.monitor_window": 0.005}, "= 0.005 s must be at least run.step = 0.01 s"),
-        ({**WATCH, "v2v.latency": 2.0}, "v2v.monitor_window = 2.0 s must be above 2 s, the most"),
+        ({**WATCH, "v2v.monitor_window": 0.005}, "must be above 0.01 s: packets are up to 0.01 s"),
+        ({**WATCH, "v2v.latency": 2.0}, "v2v.monitor_window = 2.0 s must be above 2.01 s: packets"),
+        (
+            {**WATCH, "v2v.period": 2.5},
+            "= 2.0 s must be above 2.5 s: packets are up to 2.5 s apart",
+        ),
+        (
+            {**WATCH, "v2v.period": 1.0, "v2v.latency": 1.0},
+            "must be above 2 s: packets are up to 1",
+        ),
+        (
+            {**WATCH, "v2v.send_rule": "cam", "v2v.monitor_window": 1.0},
+            "v2v.monitor_window = 1.0 s must be above 1 s: packets are up to 1 s apart and take",
+        ),
+        (
+            {**WATCH, "v2v.send_rule": "cam", "v2v.cam_check": 0.8, "v2v.monitor_window": 1.5},
+            "v2v.monitor_window = 1.5 s must be above 1.6 s: packets are up to 1.6 s apart",
+        ),
+        (
+            {**WATCH, "run.timeline": ("3 link_2 v2v.latency=5",)},
+            "must be above 5.01 s: packets are up to 0.01 s apart and take up to 5 s",
+        ),
         ({**WATCH, "v2v.monitor_margin": -1.0}, "v2v.monitor_margin = -1.0 must be >= 0"),
         ({**WATCH, "v2v.monitor_jerk": float("inf")}, "v2v.monitor_jerk = inf m/s^3 must be fin"),
         ({"sensing.delay": -0.1}, "sensing.delay = -0.1 s must be >= 0"),

@@ -1,5 +1,6 @@
 """Timelines: texts that are read, texts that are refused, changes and the events they are."""
 
+import numpy as np
 import pytest
 
 from cacc_platoon.scenario import Scenario, ScenarioError
@@ -115,3 +116,38 @@ def test_vehicles_that_touch_at_the_start_are_refused_before_anything_starts():
 def test_an_event_of_no_change_is_refused(node, text):
     with pytest.raises((ValueError, ScenarioError)):
         change_of(RunEvent(EventKind.CHANGE, 5, node, text))
+
+
+@pytest.mark.parametrize("jitter", [0.0, 0.2])
+@pytest.mark.parametrize("size", [1, 30, 101])
+def test_packets_wait_for_earlier_ones_across_a_change(jitter, size):
+    """Those of 1 s on take no time, and wait for those before, which take 0.5 s."""
+    changes = ("1 link_1 v2v.latency=0", "4 link_1 v2v.latency=0.1")
+    late = {"v2v.latency": 0.5, "v2v.jitter": jitter, "v2v.in_order": True}
+    one = Scenario.from_values({**late, "run.timeline": changes}).follower(1)
+    whole = one.channel().delivery(0, 600)
+    assert (np.diff(whole.source) > 0).all()
+    waiting = whole.sample[(whole.source >= 100) & (whole.source < 149)]
+    assert (waiting >= 149).all()
+    parts = [one.channel().delivery(k, min(k + size, 600)) for k in range(0, 600, size)]
+    for column in ("source", "sample"):
+        joined = np.concatenate([getattr(part, column) for part in parts])
+        np.testing.assert_array_equal(joined, getattr(whole, column))
+
+
+def test_a_change_keeps_earlier_ones_of_other_names():
+    texts = ["1 link_1 v2v.loss=0.1", "2 link_1 v2v.bias=0.5", "2 link_1 v2v.latency=0.3"]
+    *_, (start, last) = Scenario.from_values({"run.timeline": texts}).follower(1).stages
+    assert (start, last.v2v.loss, last.v2v.bias, last.v2v.latency) == (200, 0.1, 0.5, 0.3)
+
+
+def test_each_vehicle_moves_its_headway_at_its_own_rate():
+    texts = ["0 vehicle_1 controller.time_headway=2", "0 vehicle_2 controller.time_headway=2"]
+    quick = {"controller.headway_rate": 0.5}
+    scenario = Scenario.from_values(
+        {"run.timeline": texts, "controller.headway_rate": 0.1}, {2: quick}
+    )
+    for index, rate in ((1, 0.1), (2, 0.5)):
+        headways = scenario.follower(index).headways(50)
+        assert headways is not None
+        assert np.diff(headways) == pytest.approx(rate * scenario.run.step)

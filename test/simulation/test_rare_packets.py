@@ -8,6 +8,7 @@ from cacc_platoon.analysis.age import link_reception
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.parameter import ScenarioError
 from cacc_platoon.simulation import simulate
+from cacc_platoon.simulation.mean_links import nominal
 from cacc_platoon.simulation.monte_carlo import monte_carlo
 from cacc_platoon.simulation.platoon import simulate_mean
 from cacc_platoon.theory import certify
@@ -18,6 +19,7 @@ C = {"controller.time_headway": 0.88, "controller.k_a": 0.3183050093750877}
 C |= {"controller.k_v": 0.85, "controller.k_p": 0.003}
 D = {"controller.time_headway": 0.95, "controller.k_a": 0.5, "controller.k_v": 0.75}
 D |= {"controller.k_p": 1.0}
+FALLING = {"run.timeline": ("2 link_1 v2v.latency=0.5", "3 link_1 v2v.latency=0")}
 DESIGNS = {"A": {}, "C": C, "D": D}
 """Cases A and C of the paper, and one of our own."""
 
@@ -239,3 +241,40 @@ def test_wrong_packets_are_refused_in_one_line(values, words):
     with pytest.raises(ScenarioError, match=words) as told:
         scenario(**values)
     assert "\n" not in str(told.value)
+
+
+@pytest.mark.parametrize("reception", ["hold", "zero"])
+@pytest.mark.parametrize("rule", [{"v2v.period": 0.1}, {"v2v.send_rule": "cam"}, {}])
+@pytest.mark.parametrize("late", [("2", "3"), ("11", "13")])
+def test_a_packet_that_was_overtaken_is_of_no_use_in_the_mean(reception, rule, late):
+    """Nothing is left to chance: the latency falls, or falls where newer ones are lost."""
+    rises, falls = late
+    changes = (f"{rises} link_1 v2v.latency=0.55", f"{falls} link_1 v2v.latency=0")
+    for more in ((), (f"{falls} link_1 v2v.loss=1", "14 link_1 v2v.loss=0")):
+        values = {"v2v.reception": reception, "run.duration": 16.0, **rule}
+        values |= {"v2v.noise": "none", "leader.start": 1.0, "run.timeline": (*changes, *more)}
+        one = Scenario.from_values(values)
+        run, mean = simulate(one), simulate_mean(one)
+        np.testing.assert_allclose(run.position, mean.position, rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"v2v.loss": 0.3, "v2v.period": 0.1, "v2v.bias": 0.1, "v2v.reception": "fallback"}, "who"),
+        ({"v2v.jitter": 0.1}, "packets take the mean latency"),
+        ({"v2v.saturation": 3.0}, "packets are neither rounded nor cut"),
+        ({"v2v.send_rule": "cam"}, "packets are sent as the sender moves in the mean"),
+        ({"v2v.loss": 0.1, **FALLING}, "packets that others overtake are of no use"),
+        ({"v2v.loss": 0.1, **FALLING, "v2v.in_order": True}, ""),
+        (FALLING, ""),
+        ({"v2v.reception": "fallback", "v2v.blackouts": (2.0, 4.0)}, ""),
+        ({"v2v.reception": "fallback", "v2v.monitor": "fallback"}, "no monitor distrusts packets"),
+        ({"v2v.monitor": "report"}, ""),
+        ({"vehicle.limits": "iso15622"}, "limits act on the mean motion"),
+        ({"v2v.loss": 0.3, "v2v.reception": "zero", "v2v.latency": 0.1}, ""),
+    ],
+)
+def test_what_is_nominal_in_the_mean_is_said(values, words):
+    said = nominal(Scenario.from_values(values))
+    assert [line[: len(words)] for line in said] == ([words] if words else [])

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from cacc_platoon.model import ComposedChannel, Delivery, State
 from cacc_platoon.scenario import Scenario
+from cacc_platoon.scenario.run_event import EventKind, RunEvent
 from cacc_platoon.simulation import simulate
 from cacc_platoon.stepping.deliveries import LockstepError
 from cacc_platoon.stepping.lockstep import (
@@ -250,3 +251,30 @@ def test_a_relay_asks_for_the_samples_of_the_run_alone() -> None:
 def test_a_follower_has_no_more_attributes_than_python_finds_at_once():
     """CPython keeps up to 30 of an object in place; with more, a run is 3 % slower."""
     assert len(vars(LockstepFollower(SCENARIO.follower(1), SCENARIO, lambda *_: None))) < 30
+
+
+class Coasting:
+    """A law that leaves a vehicle alone."""
+
+    def command(self, *_: float) -> float:
+        return 0.0
+
+
+def test_a_gap_of_zero_to_the_rear_of_the_one_ahead_is_a_collision() -> None:
+    lengths = {1: {"vehicle.length": 7.0}, 2: {"vehicle.length": 4.0}}
+    scenario = Scenario.from_values({"platoon.followers": 2}, lengths)
+    told: list[RunEvent] = []
+    core = LockstepFollower(
+        scenario.follower(2),
+        scenario,
+        lambda stamp, state: None,
+        law=Coasting(),
+        tell=told.append,
+        initial=State(0.0, 0.0, 0.0),
+    )
+    for k, ahead in enumerate((8.0, math.nextafter(7.0, 8.0), 7.0)):
+        assert not told
+        core.take_velocity(k * scenario.step_ns, 0.0)
+        core.take_acceleration(k * scenario.step_ns, 0.0)
+        core.take_position(k * scenario.step_ns, ahead)
+    assert told == [RunEvent(EventKind.COLLISION, 2, "vehicle_2/vehicle")]
