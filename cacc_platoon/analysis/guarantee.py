@@ -36,13 +36,8 @@ def guarantee_of(
     follower's is not that of the sampled loop. The only follower of a platoon is `alone`: there is
     no hop but the one from its leader.
     """
-    if not certificates:
-        return "nothing is guaranteed"
-    grown = [one.v2v_growth for one in certificates if one.v2v_growth]
-    if any(one.growth > 1.0 for one in grown):
-        return "nothing is guaranteed: with packets as rare and late as these errors may grow"
-    if any(sampled_too_slowly(certificate) for certificate in certificates):
-        return "nothing is guaranteed: sampled as slowly as this errors may grow"
+    if nothing := _nothing(certificates):
+        return nothing
     late = max(certificate.latency for certificate in certificates)
     packets = f", packets {late:g} s late" if late else ""
     lossy = any(
@@ -70,6 +65,18 @@ def guarantee_of(
         "spacing errors may, links being unequal: in continuous time "
         f"|delta_i|_2 <= {_largest_error(certificates)}"
     )
+
+
+def _nothing(certificates: Sequence[Certificate]) -> str:
+    """Say that nothing is guaranteed where it is so; empty elsewhere."""
+    if not certificates:
+        return "nothing is guaranteed"
+    grown = [one.v2v_growth for one in certificates if one.v2v_growth]
+    if any(one.growth > 1.0 for one in grown):
+        return "nothing is guaranteed: with packets as rare and late as these errors may grow"
+    if any(sampled_too_slowly(certificate) for certificate in certificates):
+        return "nothing is guaranteed: sampled as slowly as this errors may grow"
+    return ""
 
 
 def _with_rare_packets(rest: str, *, equal_links: bool, alone: bool) -> str:
