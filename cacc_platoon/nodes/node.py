@@ -79,7 +79,7 @@ class PlatoonNode(Node):  # type: ignore[misc]
         self.scenario, self.index, self.groups = scenario, index, groups
         self.failures: list[str] = []
         self.events: list[RunEvent] = []
-        self.changes: list[Change] = []
+        self.changes = 0
         self.steppers = Steppers(scenario, lambda: int(self.get_clock().now().nanoseconds))
         self.topics = VehicleTopics(scenario.platoon.namespace, index)
         self.predecessor = VehicleTopics(scenario.platoon.namespace, index - 1)
@@ -100,37 +100,37 @@ class PlatoonNode(Node):  # type: ignore[misc]
         if not self.scenario.run.adjustable:
             return
 
-        def change(parameters: Sequence[Parameter]) -> SetParametersResult:
+        def check(parameters: Sequence[Parameter]) -> SetParametersResult:
             try:
                 for parameter in parameters:
-                    self._change(parameter, steppers, ignores)
+                    self._check_change(parameter, ignores, _next_sample(steppers))
             except ScenarioError as error:
                 return SetParametersResult(successful=False, reason=str(error))
             return SetParametersResult(successful=True)
 
-        self.add_on_set_parameters_callback(change)
+        def apply(parameters: Sequence[Parameter]) -> None:
+            for parameter in parameters:
+                change = Change(
+                    _next_sample(steppers), self.index, parameter.name, float(parameter.value)
+                )
+                for stepper in steppers:
+                    stepper.change(change)
+                self.changes += 1
+                self.events.append(change.event)
 
-    def _change(
-        self,
-        parameter: Parameter,
-        steppers: Sequence[Changing],
-        ignores: str,
-    ) -> None:
+        self.add_on_set_parameters_callback(check)
+        self.add_post_set_parameters_callback(apply)
+
+    def _check_change(self, parameter: Parameter, ignores: str, sample: int) -> None:
+        """Refuse a change that cannot be carried out."""
         name, node = parameter.name, self.get_fully_qualified_name()
         if name != self.changeable or ignores:
             raise ScenarioError(f"{node}: {name} {ignores or 'is not to be changed in a run'}")
-        value = TABLE[name].check(parameter.value, node)
-        sample = max(stepper.next_sample for stepper in steppers)
-        if sample >= self.scenario.samples or len(self.changes) >= MOST_CHANGES:
+        TABLE[name].check(parameter.value, node)
+        if sample >= self.scenario.samples or self.changes >= MOST_CHANGES:
             raise ScenarioError(
-                f"{node}: {name} is not changed: the run is over, or it was changed "
-                f"{MOST_CHANGES} times"
+                f"{node}: {name} stays: the run is over, or it was changed {MOST_CHANGES} times"
             )
-        change = Change(sample, self.index, name, value)
-        for stepper in steppers:
-            stepper.change(change)
-        self.changes.append(change)
-        self.events.append(change.event)
 
     def create_motion_stream(self) -> PublishState:
         """Return a function that publishes stamp [ns] and state on pose, twist and accel."""
@@ -179,3 +179,8 @@ class PlatoonNode(Node):  # type: ignore[misc]
         self.create_subscription(
             message_type, topic.name, receive, qos.stream(self.scenario), raw=True
         )
+
+
+def _next_sample(steppers: Sequence[Changing]) -> int:
+    """Return the first sample that none of them has computed."""
+    return max(stepper.next_sample for stepper in steppers)

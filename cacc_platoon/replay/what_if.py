@@ -124,7 +124,7 @@ def what_if(
         if headway is not None:
             law = law.with_headway(headway)
         error = law.spacing_error(position[:seen], velocity[:seen], ahead)
-        gap = ahead - position[:seen]
+        gap = ahead - position[:seen] - parameters.length_ahead(record.index)
         return Motion(
             *map(float, (np.max(np.abs(error)), np.min(gap), np.max(np.abs(acceleration))))
         ), error

@@ -12,13 +12,13 @@ from cacc_platoon.runs.info import EndStatus
 from cacc_platoon.scenario.names import NodeKind, NodeName
 from cacc_platoon.scenario.run_event import EventKind, RunEvent
 from cacc_platoon.simulation import Trajectory
+from cacc_platoon.texts import TextError, read_text
 
 EVENTS_FILE = "events.jsonl"
 SUPERVISOR = "supervisor"
 """Who says that a run begins and ends."""
 MOST = 10_000
 """So many events go into a bag."""
-MOST_SAMPLES = 10**9
 FORMAT = Format(EVENTS_FILE, 1)
 
 
@@ -42,19 +42,27 @@ def event_line(event: RunEvent, step: float) -> str:
     )
 
 
-def bag_events(folder: Path) -> list[tuple[int, str]]:
-    """Return sample and line of the events of a run folder, in order; none where there are none."""
-    with contextlib.suppress(OSError, UnicodeDecodeError):
-        lines = (folder / EVENTS_FILE).read_text(encoding="utf-8").splitlines()[:MOST]
-        return sorted(found for line in lines if (found := _sample_and_line(line)))
+def bag_events(folder: Path, samples: int) -> list[tuple[int, str]]:
+    """Return sample and line of the events of a run folder, in order; none where there are none.
+
+    Parameters
+    ----------
+    folder : Path
+        The run folder.
+    samples : int
+        How many samples the run has; what happened at others is left out.
+    """
+    with contextlib.suppress(TextError):
+        lines = read_text(folder / EVENTS_FILE).splitlines()[:MOST]
+        return sorted(found for line in lines if (found := _sample_and_line(line, samples)))
     return []
 
 
-def _sample_and_line(line: str) -> tuple[int, str] | None:
+def _sample_and_line(line: str, samples: int) -> tuple[int, str] | None:
     """Return the sample of a line, and the line; None for one that a killed run has left half."""
     with contextlib.suppress(ValueError, TypeError, KeyError, RecursionError):
         sample = json.loads(line)["sample"]
-        if isinstance(sample, int) and 0 <= sample < MOST_SAMPLES:
+        if type(sample) is int and 0 <= sample < samples:
             return sample, line
     return None
 

@@ -174,7 +174,7 @@ class RunFolder:
             depth=queue_depth(scenario.run.window, scenario.platoon.followers),
             scenario_topic=PlatoonTopics(prefix).scenario,
             scenario_text=format_scenario(scenario),
-            events=Events(PlatoonTopics(prefix).events, bag_events(self.path)),
+            events=Events(PlatoonTopics(prefix).events, bag_events(self.path, scenario.samples)),
             custom_data={
                 "digest": digest,
                 "cacc_platoon": __version__,

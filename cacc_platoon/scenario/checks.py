@@ -31,6 +31,7 @@ MAX_SAMPLES = 10**8
 """More would neither fit into memory nor end."""
 
 MAX_NAMESPACE = 150
+MOST_CHANGES = 1000
 MAX_INDEX = 500
 """Of the last vehicle; readers of bags take a higher one for damage."""
 
@@ -165,7 +166,10 @@ def check_overrides(
 
 def check_timeline(run: Run, indices: range, source: str) -> None:
     """Refuse changes that cannot be read, come too late, or are those of nobody."""
-    row = TABLE["run.timeline"]
+    row, seen = TABLE["run.timeline"], set[tuple[int, int, str]]()
+    if len(run.timeline) > MOST_CHANGES:
+        rule = f"must have {MOST_CHANGES} entries at most, not {len(run.timeline)}"
+        raise row.refusal(list(run.timeline[:1]), source, rule)
     for text in run.timeline:
         change = read_change(text, run.step, source)
         if change.vehicle not in indices:
@@ -175,6 +179,23 @@ def check_timeline(run: Run, indices: range, source: str) -> None:
         if change.sample * run.step > run.duration:
             rule = f"must be within the run, which ends at run.duration = {run.duration:g} s"
             raise row.refusal(text, source, rule)
+        if change[:3] in seen:
+            raise row.refusal(text, source, "must be the only one of its time, target and KEY")
+        seen.add(change[:3])
+
+
+def check_start(
+    platoon: Platoon, run: Run, follower: Follower, length_ahead: float, source: str
+) -> None:
+    """Refuse a vehicle that would touch the one ahead from the first sample on."""
+    spacing = platoon.standstill_distance + follower.gains.time_headway * platoon.initial_speed
+    if run.stop_on_collision and spacing <= length_ahead:
+        raise TABLE["platoon.standstill_distance"].refusal(
+            platoon.standstill_distance,
+            source,
+            f"and the time headway leave {vehicle_name(follower.index)} {spacing:g} m to the front "
+            f"of the vehicle ahead, which must be more than its length of {length_ahead:g} m",
+        )
 
 
 def check_topology(

@@ -28,6 +28,7 @@ from cacc_platoon.scenario.checks import (
     check_namespace,
     check_overrides,
     check_run,
+    check_start,
     check_timeline,
     check_topology,
     checked_values,
@@ -138,6 +139,7 @@ class Scenario:
         for follower in self.followers:
             where = f"{vehicle_name(follower.index)}: " if follower.index in self.overrides else ""
             check_follower(follower, self.run.step, f"{source}: {where}".rstrip(": "))
+            check_start(self.platoon, self.run, follower, self.length_ahead(follower.index), source)
         if self.leader.profile != "bag":
             check_limits(self.leader_profile(), self.run.duration, self.followers, source)
 
@@ -232,15 +234,20 @@ class Scenario:
         return dataclasses.replace(self, run=dataclasses.replace(self.run, timeline=()))
 
     def with_changes(self, changes: Iterable[Change]) -> Scenario:
-        """Return the scenario with changes more, as they have happened."""
-        texts = [change.text(self.run.step) for change in changes]
-        run = dataclasses.replace(self.run, timeline=(*self.run.timeline, *texts))
+        """Return the scenario with changes more, as they happened; the last of a time counts."""
+        latest = {change[:3]: change for change in (*self.changes, *changes)}
+        texts = tuple(change.text(self.run.step) for change in latest.values())
+        run = dataclasses.replace(self.run, timeline=texts)
         return dataclasses.replace(self, run=run)
 
     @property
     def lengths(self) -> tuple[float, ...]:
         """The lengths of all vehicles [m], the leader's first: the common one."""
         return (self.vehicle.length, *(follower.length for follower in self.followers))
+
+    def length_ahead(self, index: int) -> float:
+        """Return the length of the vehicle ahead of a follower [m]."""
+        return self.lengths[self.indices.index(index)]
 
     @property
     def indices(self) -> range:

@@ -86,6 +86,8 @@ def read_change(text: str, step: float, source: str) -> Change:
     """
     try:
         when, target, what = text.split()
+        if not text.isascii() or "_" in when + what.partition("=")[2]:
+            raise ValueError(RULE)
         time = float(when)
         kind, index = _TARGET.fullmatch(target).groups()  # type: ignore[union-attr]
         name, value = what.split("=")
@@ -95,7 +97,8 @@ def read_change(text: str, step: float, source: str) -> Change:
     if not 0.0 <= time <= _MOST_TIME or name not in CHANGEABLE[kind]:
         raise TABLE["run.timeline"].refusal(text, source, RULE)
     checked = TABLE[name].check(number, f"{source}: run.timeline: {text}")
-    return Change(math.ceil(time / step - 1e-9), int(index), name, checked)
+    samples = time / step
+    return Change(math.ceil(samples - 1e-9 - 1e-12 * samples), int(index), name, checked)
 
 
 def change_of(event: RunEvent) -> Change:

@@ -107,7 +107,7 @@ class LockstepFollower:
 
         self._begin = begin
         self._publish_state, self._publish_command = publish_state, publish_command
-        ahead = scenario.lengths[scenario.indices.index(follower.index)]
+        ahead = scenario.length_ahead(follower.index)
         self._length_ahead = ahead if scenario.run.stop_on_collision else -math.inf
         self._tell = tell or (lambda event: None)
         self._state: State[float] | None = None

@@ -33,6 +33,9 @@ class Row:
         The same in the one run of this seed, which certifies nothing.
     min_gap : float
         Smallest gap of any follower in that run [m].
+    collided : bool
+        Whether a vehicle touched the one ahead in that run, which ends it unless
+        run.stop_on_collision says otherwise: peaks are those until then.
     loss : float
         Largest share of packets lost on a link in that run.
     """
@@ -49,6 +52,7 @@ class Row:
     first_peak: float
     last_peak: float
     min_gap: float
+    collided: bool
     loss: float
 
 
@@ -85,5 +89,6 @@ def evaluate(scenario: Scenario) -> Row:
         float(run.max_abs_spacing_error[0]),
         float(run.max_abs_spacing_error[-1]),
         float(np.min(run.min_gap)),
+        run.collision,
         max(link.loss for link in run.reception),
     )

@@ -27,7 +27,7 @@ from cacc_platoon.theory import worst_l2_gain
 from cacc_platoon.theory.multirate import worst_multirate_growth
 
 STEP, SPEED = 0.01, 25.0
-CARS = {"vehicle.length": 4.5, "platoon.standstill_distance": 7.0}
+CARS = {"run.stop_on_collision": False, "vehicle.length": 4.5, "platoon.standstill_distance": 7.0}
 BEGIN, DARK = 10.0, 20.0
 SINE = {"leader.profile": "sine", "leader.start": BEGIN}
 BRAKE = {"leader.profile": "brake", "leader.start": BEGIN, "leader.deceleration": 6.0}

@@ -21,6 +21,8 @@ WRONG = {
     "20 link_3 controller.time_headway=1": "must be",
     "20 vehicle_3 controller.time_headway=0": "controller.time_headway = 0",
     "20 link_3 v2v.loss=1.5": "v2v.loss = 1.5",
+    "\u0662 link_3 v2v.loss=1": "must be",
+    "20 link_3 v2v.loss=1_0e-1": "must be",
     "20 link_3 v2v.latency=-0.1": "v2v.latency = -0.1",
     "20 link_13 v2v.loss=1": "names no follower of this platoon",
     "200.01 link_3 v2v.loss=1": "must be within the run",
@@ -50,7 +52,7 @@ def test_custom_code_takes_no_changes(own, text):
 
 
 @pytest.mark.parametrize("step", [0.01, 0.003, 0.1])
-@pytest.mark.parametrize("sample", [0, 1, 7, 1999, 123_457])
+@pytest.mark.parametrize("sample", [0, 1, 7, 1999, 123_457, 26_000_003])
 def test_a_change_is_read_back_from_its_text(sample, step):
     for kind, names in CHANGEABLE.items():
         for name in names:
@@ -63,14 +65,39 @@ def test_a_time_between_samples_takes_effect_at_the_next():
     assert read_change("0.0101 link_1 v2v.loss=1", 0.01, "test").sample == 2
 
 
-def test_changes_come_in_the_order_of_time_and_the_last_of_a_sample_counts():
-    texts = ["3 link_1 v2v.loss=0.3", "1 link_1 v2v.loss=0.1", "1 link_1 v2v.loss=0.2"]
+def test_changes_come_in_the_order_of_time_and_each_keeps_what_others_brought():
+    texts = ["3 link_1 v2v.loss=0.3", "1 link_1 v2v.loss=0.1", "2 link_1 v2v.bias=0.2"]
     stages = Scenario.from_values({"run.timeline": texts}).follower(1).stages
-    assert [(start, stage.v2v.loss) for start, stage in stages] == [
-        (0, 0.0),
-        (100, 0.2),
-        (300, 0.3),
+    assert [(start, stage.v2v.loss, stage.v2v.bias) for start, stage in stages] == [
+        (0, 0.0, 0.0),
+        (100, 0.1, 0.0),
+        (200, 0.1, 0.2),
+        (300, 0.3, 0.2),
     ]
+
+
+def test_of_changes_at_one_sample_the_last_counts_and_is_the_one_in_the_record():
+    one = Scenario.from_values({"run.timeline": ["1 link_1 v2v.loss=0.1"]})
+    done = one.with_changes([Change(100, 1, "v2v.loss", 0.2), Change(100, 1, "v2v.loss", 0.3)])
+    assert done.run.timeline == ("1 link_1 v2v.loss=0.3",)
+    assert Scenario.from_values(done.values()).run.timeline == done.run.timeline
+
+
+def test_what_contradicts_itself_or_has_no_end_is_refused():
+    twice = ["1 link_1 v2v.loss=0.1", "1.0 link_1 v2v.loss=0.2"]
+    with pytest.raises(ScenarioError, match="must be the only one of its time"):
+        Scenario.from_values({"run.timeline": twice})
+    many = [f"{k / 10} link_1 v2v.loss=0.1" for k in range(1001)]
+    with pytest.raises(ScenarioError, match="must have 1000 entries at most, not 1001"):
+        Scenario.from_values({"run.timeline": many})
+
+
+def test_vehicles_that_touch_at_the_start_are_refused_before_anything_starts():
+    touching = {"vehicle.length": 28.75}
+    with pytest.raises(ScenarioError, match=r"vehicle_1 28\.75 m .* more than its length"):
+        Scenario.from_values(touching)
+    Scenario.from_values({**touching, "run.stop_on_collision": False})
+    Scenario.from_values({"vehicle.length": 28.7})
 
 
 @pytest.mark.parametrize(

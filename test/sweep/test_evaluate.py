@@ -18,6 +18,7 @@ def test_a_row_has_the_numbers_of_the_run():
     row, metrics = evaluate(scenario), compute_metrics(simulate(scenario))
     assert row.first_peak == metrics.max_abs_spacing_error[0]
     assert row.min_gap == np.min(metrics.min_gap)
+    assert row.collided == metrics.collision
     assert 0.15 < row.loss < 0.25
     assert "packet reception probability from p = 0.8 to 1" in row.basis
 

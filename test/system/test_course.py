@@ -27,6 +27,10 @@ CRASH = (
     *("run.duration=40", "leader.profile=brake", "leader.deceleration=8", "vehicle.length=4.5"),
     *("platoon.standstill_distance=2", "vehicle_3.v2v.blackouts=[1, 20]"),
 )
+PROMPT_CRASH = (
+    *("run.duration=40", "leader.profile=brake", "leader.deceleration=9", "vehicle.length=4.5"),
+    *("platoon.standstill_distance=0.5", "controller.time_headway=0.3"),
+)
 
 Start = Callable[..., Platoon]
 
@@ -100,18 +104,22 @@ def test_what_is_set_while_a_run_goes_on_is_in_its_record(platoon: Start) -> Non
     assert any("parameters change from" in reason for reason in report.verdict.void)
 
 
-@pytest.mark.parametrize("hosts", [2, "per_node"])
-def test_a_collision_ends_the_run_at_its_sample(platoon: Start, hosts: int | str) -> None:
-    run = platoon(*SMALL, *CRASH, hosts=hosts)
+@pytest.mark.parametrize(
+    ("crash", "vehicle", "hosts"), [(CRASH, 3, "per_node"), (PROMPT_CRASH, 1, 2)]
+)
+def test_a_collision_ends_the_run_at_its_sample(
+    platoon: Start, crash: tuple[str, ...], vehicle: int, hosts: int | str
+) -> None:
+    run = platoon(*SMALL, *crash, hosts=hosts)
     result = run.result()
     assert result.exit_code == 0, result.errors
-    assert result.digest == simulated_digest(PAPER_A, *SMALL, *CRASH)
+    assert result.digest == simulated_digest(PAPER_A, *SMALL, *crash)
     (_, sample, node, _) = next(event for event in events_of(run) if event[0] == "collision")
-    assert node == "vehicle_3/vehicle"
+    assert node == f"vehicle_{vehicle}/vehicle"
     assert result.info
     assert result.info.samples == sample + 1 < 4001
     report = analyse(run.folder.path)
-    assert report.measured.first_collision == (3, sample * 0.01)
+    assert report.measured.first_collision == (vehicle, sample * 0.01)
     assert report.headline.startswith("COLLISION, ")
     assert report.standing.stands
     assert report.run.findings == ()
