@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cacc_platoon.model import ReceptionState
+from cacc_platoon.model import Gains, ReceptionState
 from cacc_platoon.model.packets import Integers
-from cacc_platoon.scenario import Scenario
+from cacc_platoon.scenario import Follower, Scenario
 from cacc_platoon.simulation import Trajectory
 from cacc_platoon.simulation.trajectory import Array
 from cacc_platoon.theory.certificate import certify
@@ -94,17 +94,21 @@ def _proven(scenario: Scenario, followers: Sequence[int]) -> str:
     several = [scenario.follower(index) for index in followers]
     alone, blend = True, not any(one.law_name for one in several)
     pairs = {
-        (one.gains, law.gains, one.v2v.rho, one.tau_max)
+        (gains, law.gains, one.v2v.rho, one.tau_max)
         for one in several
         if (law := one.fallback_law())
+        for gains in _laws(one, scenario.samples)
     }
     for gains, without, rho, tau_max in pairs:
         found = certify(without, rho, tau_max, period=scenario.run.step)
         alone &= found.string_stable and found.sampled_string_stable
         blend &= blend_is_stable(gains, without, tau_max)
     stable = "is" if alone else "is NOT"
+    moves = any(len(_laws(one, scenario.samples)) > 1 for one in several)
+    while_still = ", while its time headway stays what it is" if moves else ""
     whole = (
-        "no blend of the two, however it changes, can destabilise a vehicle (one Lyapunov function "
+        f"no blend of the two, however it changes{while_still}, can destabilise a vehicle "
+        "(one Lyapunov function "
         "serves both at every lag, of a linear vehicle that measures at once, in continuous time)"
         if blend
         else "nothing is proven of a vehicle that goes from one to the other and back"
@@ -113,3 +117,15 @@ def _proven(scenario: Scenario, followers: Sequence[int]) -> str:
         f"that law {stable} string stable by itself for every lag up to tau0, sampled too, and "
         f"{whole}; what a platoon passes on meanwhile rests on this run alone"
     )
+
+
+def _laws(follower: Follower, samples: int) -> set[Gains]:
+    """Return its laws with V2V with the least and the largest time headway of the run.
+
+    The condition for a blend is affine in ``k_v + k_p h``, so that these decide for all between.
+    """
+    headways = follower.headways(samples)
+    if headways is None:
+        return {follower.gains}
+    ends = float(np.min(headways)), float(np.max(headways))
+    return {follower.gains._replace(time_headway=end) for end in ends}

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from cacc_platoon.model.noise import expected_factor, factor_variance
 from cacc_platoon.theory import NoiseStatistics
-from cacc_platoon.theory.guarantees import largest_peaks, left_out
+from cacc_platoon.theory.guarantees import largest_peaks, left_out, sampled_too_slowly
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -36,11 +36,8 @@ def guarantee_of(
     follower's is not that of the sampled loop. The only follower of a platoon is `alone`: there is
     no hop but the one from its leader.
     """
-    if not certificates:
-        return "nothing is guaranteed"
-    grown = [one.v2v_growth for one in certificates if one.v2v_growth]
-    if any(one.growth > 1.0 for one in grown):
-        return "nothing is guaranteed: with packets as rare and late as these errors may grow"
+    if nothing := _nothing(certificates):
+        return nothing
     late = max(certificate.latency for certificate in certificates)
     packets = f", packets {late:g} s late" if late else ""
     lossy = any(
@@ -70,6 +67,18 @@ def guarantee_of(
     )
 
 
+def _nothing(certificates: Sequence[Certificate]) -> str:
+    """Say that nothing is guaranteed where it is so; empty elsewhere."""
+    if not certificates:
+        return "nothing is guaranteed"
+    grown = [one.v2v_growth for one in certificates if one.v2v_growth]
+    if any(one.growth > 1.0 for one in grown):
+        return "nothing is guaranteed: with packets as rare and late as these errors may grow"
+    if any(sampled_too_slowly(certificate) for certificate in certificates):
+        return "nothing is guaranteed: sampled as slowly as this errors may grow"
+    return ""
+
+
 def _with_rare_packets(rest: str, *, equal_links: bool, alone: bool) -> str:
     if not equal_links:
         return "nothing is guaranteed of unequal links with packets at a rate of their own"
@@ -90,7 +99,8 @@ def of_alone(row: Guarantee, certificate: Certificate) -> Guarantee:
     """Make a guarantee one of a single follower, whose errors have none before them."""
     if row.signal == "energy of a_i" and certificate.rare:
         return row._replace(mean=f"along a platoon of such followers it {row.mean}")
-    known = certificate.internally_stable and not certificate.rare
+    slow = sampled_too_slowly(certificate)
+    known = certificate.internally_stable and not (certificate.rare or slow)
     if row.signal == "energy of delta_i" and known:
         return row._replace(mean=f"at most {_largest_error([certificate])}")
     return row
@@ -105,7 +115,9 @@ def of_unequal(row: Guarantee, certificates: Sequence[Certificate]) -> Guarantee
     if row.signal == "peaks of a_i":
         return largest_peaks(certificates)
     if row.signal == "energy of delta_i" and all(one.string_stable for one in certificates):
-        row = row._replace(mean=f"may grow; at most {_largest_error(certificates)}")
+        slow = any(sampled_too_slowly(one) for one in certificates)
+        when = "in continuous time " if slow else ""
+        row = row._replace(mean=f"may grow; {when}at most {_largest_error(certificates)}")
     unsaid = "not said of unequal links" if row.mean_square != "-" else "-"
     peaks = "peaks" in row.signal
     mean = "not said of unequal links" if peaks and row.mean != "-" else row.mean

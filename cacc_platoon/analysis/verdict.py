@@ -110,7 +110,9 @@ class Verdict:
     @property
     def hop(self) -> str:
         """Which hops ratios are of, those from a leader that does as it likes left aside."""
-        return "of a platoon of such followers" if self.alone else "between followers"
+        if self.alone:
+            return "of a platoon of such followers"
+        return "between followers" if self.equal_lags else "between followers of equal lags"
 
     @property
     def certified(self) -> bool:

@@ -41,7 +41,7 @@ def render(data: dict[str, Any]) -> str:
         lines += ["", *_certificate_lines(data)]
         alone = data.get("known_gain")
         lines += _guarantee_lines(
-            data["certificate"]["guarantees"],
+            data["certificate"],
             f"at tau = {data['tau0']:g} s and k_a E[w] = {alone['k_effective']:.6g} alone"
             if alone
             else "for every lag up to tau_0 and all links alike",
@@ -179,9 +179,10 @@ def _mixed_lines(mixed: dict[str, Any]) -> list[str]:
     ]
 
 
-def _guarantee_lines(rows: list[dict[str, str]], where: str) -> list[str]:
+def _guarantee_lines(certificate: dict[str, Any], where: str) -> list[str]:
     """Say what is guaranteed in the mean, in the mean square, and whatever the noise does."""
-    lines = [f"Guaranteed, {where}"]
+    rows, period = certificate["guarantees"], certificate["sampled"]["period"]
+    lines = [f"Guaranteed, {where}, in continuous time but for the mean square and packet rates"]
     for row in rows:
         lines.append(f"  {row['signal']}")
         lines += [
@@ -193,7 +194,12 @@ def _guarantee_lines(rows: list[dict[str, str]], where: str) -> list[str]:
             )
             if row[key] != "-"
         ]
-    return lines
+    peaks = certificate["peaks"]["sure_sampled"]
+    return [
+        *lines,
+        f"  sampled at {period:g} s, peaks of a_i grow between followers by a factor of at most "
+        f"{_number(peaks)} per hop whatever the noise does",
+    ]
 
 
 def _chance_lines(chance: dict[str, Any] | None) -> list[str]:

@@ -104,9 +104,7 @@ def _meaning(report: Report) -> str:
         )
     mean = ", in the mean of all losses" if verdict.bases.losses else ""
     if verdict.string_stable:
-        slow = any(one.holds and not one.sampled for one in verdict.followers)
-        subject = "Sampled fast enough, " if slow else ""
-        said = f"{subject}{verdict.guarantee}"
+        said = verdict.guarantee
         return f"{said[0].upper()}{said[1:]}: {weakest.gain}. {course}"
     if verdict.undecided:
         return f"The gains cannot be certified: {weakest.reason} {course}"

@@ -161,14 +161,24 @@ def explain_verdict(certificate: Certificate) -> str:
         return str(failure)
     if certificate.k_effective is not None:
         known = f"string stable {_where(certificate)}: sup|H| = 1"
-        return f"{known}{_holding(certificate)}{_rate(certificate)}"
+        return f"{known}{_holding(certificate)}{_sampling(certificate)}{_rate(certificate)}"
     basis = "in the paper's region S" if certificate.in_paper_region else "exact test"
     return (
         f"robustly string stable ({basis}): sup|H| = 1 for every lag up to "
         f"{certificate.tau_max:g} s and all noise of rho >= {certificate.rho:g}"
         f"{_losses(certificate)}; in the mean the energy of a_i, and of delta_i where all links "
         "are equal, does not grow along the platoon."
-        f"{_holding(certificate)}{_rate(certificate)}"
+        f"{_holding(certificate)}{_sampling(certificate)}{_rate(certificate)}"
+    )
+
+
+def _sampling(certificate: Certificate) -> str:
+    """Say what a control period takes away from that, where no packets are held."""
+    if certificate.held < 1.0 or certificate.sampled_string_stable:
+        return ""
+    return (
+        f" All that in continuous time alone: sampled every {certificate.period:g} s it is not "
+        "string stable."
     )
 
 

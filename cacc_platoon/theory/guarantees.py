@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from cacc_platoon.theory.certificate import Certificate
     from cacc_platoon.theory.peak_gains import WorstGain
 
-__all__ = ["Guarantee", "guarantees", "largest_peaks", "left_out"]
+__all__ = ["Guarantee", "guarantees", "largest_peaks", "left_out", "sampled_too_slowly"]
 
 NONE = "-"
 _RINGS = "the loop rings too long for a bound"
@@ -66,6 +66,7 @@ def guarantees(certificate: Certificate, *, equal_links: bool = True) -> tuple[G
     stable = certificate.string_stable
     of_loop = left_out(certificate)
     gain = f"sup|H| = {certificate.l2_gain:.7g}{of_loop}"
+    when = "in continuous time " if sampled_too_slowly(certificate) else ""
     return (
         Guarantee(
             "energy of a_i",
@@ -78,7 +79,7 @@ def guarantees(certificate: Certificate, *, equal_links: bool = True) -> tuple[G
         Guarantee("energy of delta_i", _error_energy(certificate, equal=equal_links), NONE, NONE),
         Guarantee(
             "peaks of delta_i",
-            f"at most {certificate.leader_error_norm:.4g} s^1.5 |a_0|_2{of_loop}"
+            f"{when}at most {certificate.leader_error_norm:.4g} s^1.5 |a_0|_2{of_loop}"
             if stable
             else NONE,
             NONE,
@@ -111,10 +112,23 @@ def left_out(certificate: Certificate) -> str:
     return f", of the loop without {' and '.join(parts)}" if parts else ""
 
 
+def sampled_too_slowly(certificate: Certificate) -> bool:
+    """Return whether a string stable loop is not so sampled at its control period."""
+    return certificate.string_stable and not certificate.sampled_string_stable
+
+
 def _with_packets(certificate: Certificate) -> str:
-    """Say what holds in the long run where packets are rare, or so late that errors grow."""
+    """Say what holds where packets are rare, or where errors grow since they or samples are late.
+
+    With packets at a rate of their own that is what holds in the long run.
+    """
     found = certificate.v2v_growth
     if found is None or not (certificate.rare or found.growth > 1.0):
+        if sampled_too_slowly(certificate):
+            return (
+                f"may grow: not string stable sampled every {certificate.period:g} s; in "
+                f"continuous time sup|H| = {certificate.l2_gain:.7g}{left_out(certificate)}"
+            )
         return ""
     grows = f"grows by {found.growth:.6g} per hop" if found.growth > 1.0 else "does not grow"
     late = f", {certificate.latency:g} s late" if certificate.latency else ""
@@ -177,6 +191,8 @@ def _error_energy(certificate: Certificate, *, equal: bool) -> str:
         return "may grow"
     if certificate.rare:
         return "not known: packets have a period of their own"
+    if sampled_too_slowly(certificate):
+        return "may grow; only in continuous time do they not, where all links are equal"
     if equal:
         parts = left_out(certificate) if growth is None else ""
         return f"does not grow from the second vehicle on{parts}"

@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cacc_platoon.model import State, ThirdOrderPlant
 from cacc_platoon.theory.errors import require, require_positive
 from cacc_platoon.theory.transfer import is_internally_stable, poles
 
@@ -50,7 +49,7 @@ def spacing_response(
     vehicles : int
         Followers.
     steps : float, optional
-        Samples in the shortest time of the loop; the lag itself is integrated exactly.
+        Samples in the shortest time of the loop; they are exact at any step.
 
     Returns
     -------
@@ -67,42 +66,45 @@ def spacing_response(
     step = max(fastest / steps, horizon / _MOST_STEPS)
     count = math.ceil(horizon / step)
 
-    def advance(state: State[Float]) -> State[Float]:
-        """One step of the vehicles (first axis); the leader coasts."""
-        x, v, a = state
-        command = np.zeros_like(a)
-        error = x[1:] - x[:-1] + h * v[1:]
-        command[1:] = k * a[:-1] - k_v * (v[1:] - v[:-1]) - k_p * error
-        then = plant.advance(state, command)
-        then.acceleration[0] = 0.0
-        return then
-
-    plant = ThirdOrderPlant(lags, step)
-    still = np.zeros((vehicles + 1, 1, lags.size))
-    pushed = State(still.copy(), still.copy(), still.copy())
-    pushed.acceleration[0] = 1.0 / step  # for one step
-    first = advance(pushed)
-    first.position[0], first.velocity[0] = 0.5 * step, 1.0
-    size = 3 * (vehicles + 1)
-    units = np.broadcast_to(
-        np.eye(size).reshape(3, vehicles + 1, size, 1), (3, *still.shape[:1], size, lags.size)
-    )
-    matrix = _columns(advance(State(*units)))
-    block, power = _columns(first), matrix
+    size = 3 * vehicles + 2
+    loop = np.zeros((lags.size, size, size))  # x and v of the leader, then x, v, a of each follower
+    state = np.zeros((lags.size, size, 1))
+    loop[:, 0, 1] = state[:, 1] = 1.0
+    state[:, 4, 0] = k / lags
+    for own in range(2, size, 3):
+        ahead = max(own - 3, 0)
+        loop[:, own, own + 1] = loop[:, own + 1, own + 2] = 1.0
+        loop[:, own + 2, ahead] = k_p / lags
+        loop[:, own + 2, ahead + 1] = k_v / lags
+        if own > 2:
+            loop[:, own + 2, ahead + 2] = k / lags
+        loop[:, own + 2, own] = -k_p / lags
+        loop[:, own + 2, own + 1] = -(k_v + h * k_p) / lags
+        loop[:, own + 2, own + 2] = -1.0 / lags
+    power, block = _exponential(loop * step), state
     while block.shape[-1] < min(_BLOCK, count):
         block = np.concatenate((block, power @ block), axis=-1)
         power = power @ power
-    kappa = [np.zeros((1, vehicles, lags.size))]
+    kappa = []
     for _ in range(0, count, block.shape[-1]):
-        position = block[:, : vehicles + 1]
+        position = block[:, [0, *range(2, size, 3)]]
         kappa.append(np.moveaxis(position[:, :-1] - position[:, 1:], (1, 2, 0), (1, 0, 2)))
         block = power @ block
     return step, np.concatenate(kappa)[:count]
 
 
-def _columns(state: State[Float]) -> Float:
-    """Stack what is of shape (vehicles, m, n) into states, of shape (n, 3 vehicles, m)."""
-    return np.moveaxis(np.concatenate(state), -1, 0)
+def _exponential(matrices: Float) -> Float:
+    """Exponentials of square matrices, shape (n, m, m): a Taylor polynomial, scaled and squared."""
+    norm = float(np.abs(matrices).sum(axis=-1).max())
+    halvings = max(0, math.ceil(math.log2(norm)) + 3)
+    scaled = matrices * 0.5**halvings
+    term = found = np.eye(matrices.shape[-1]) + 0.0 * matrices
+    for order in range(1, 13):
+        term = term @ scaled / order
+        found = found + term
+    for _ in range(halvings):
+        found = found @ found
+    return np.asarray(found, dtype=np.float64)
 
 
 def worst_spacing(
@@ -133,13 +135,14 @@ def worst_spacing(
     vehicles : int, optional
         Followers.
     steps : float, optional
-        As in `spacing_response`; its samples are taken, and twice as many.
+        As in `spacing_response`.
 
     Returns
     -------
     ndarray, shape (vehicles,)
-        One per follower, the least of all lags and gains given, attained by some braking; minus
-        infinity when not internally stable.
+        One per follower, the least of all lags and gains given. No braking leads below it, and
+        one leads to less than a few millimetres above with the default `steps`; minus infinity
+        when not internally stable.
 
     Raises
     ------
@@ -160,27 +163,33 @@ def worst_spacing(
     if not is_internally_stable(gains, float(np.max(np.asarray(tau)))):
         return np.full(vehicles, -math.inf)
     duration, rest = speed / deceleration, gains.time_headway
-    coarse, fine = (
-        _largest_integral(
-            *spacing_response(gains, tau, k_effective, vehicles, steps=number), duration, rest
-        )
-        for number in (steps, 2.0 * steps)
-    )
-    lost = 2.0 * fine - coarse  # what the step falsifies is nearly linear in it
+    step, kappa = spacing_response(gains, tau, k_effective, vehicles, steps=steps)
+    lost = sum(_largest_integral(step, np.maximum(kappa, rest), duration, rest))
     lost = np.maximum(lost, duration * rest).max(axis=-1)
     return np.asarray(standstill_distance + rest * speed - deceleration * lost, dtype=np.float64)
 
 
-def _largest_integral(step: float, kappa: Float, duration: float, rest: float) -> Float:
+def _largest_integral(
+    step: float, kappa: Float, duration: float, rest: float
+) -> tuple[Float, Float]:
     """Integrate responses over the set of that measure [s] where they are largest.
 
     Long ago every response has come to `rest`, so that no less need be taken anywhere.
+
+    Returns
+    -------
+    integral, error : ndarray
+        The integral is the least over c of the one of ``(kappa - c)_+`` and c times the measure.
+        By the trapezoidal rule each is wrong by at most ``step^2/8`` times the variation of its
+        slope, which is at most that of kappa's, taken from the samples.
     """
-    kappa = np.maximum(kappa, rest)
+    bends = np.abs(np.diff(kappa, n=2, axis=0, prepend=rest, append=rest)).sum(axis=0)
+    error = 0.125 * step * bends
     whole, part = divmod(duration, step)
     if whole >= len(kappa):
         more = duration - step * len(kappa)
-        return np.asarray(step * kappa.sum(axis=0) + more * rest, dtype=np.float64)
+        return np.asarray(step * kappa.sum(axis=0) + more * rest, dtype=np.float64), error
     at = len(kappa) - 1 - int(whole)
     kappa = np.sort(kappa, axis=0, kind="stable")  # a few runs: faster than a partition
-    return np.asarray(step * kappa[at + 1 :].sum(axis=0) + part * kappa[at], dtype=np.float64)
+    largest = step * kappa[at + 1 :].sum(axis=0) + part * kappa[at]
+    return np.asarray(largest, dtype=np.float64), error

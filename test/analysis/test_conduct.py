@@ -7,7 +7,12 @@ import pytest
 
 from cacc_platoon.analysis import compute_metrics, judge
 from cacc_platoon.analysis.age import link_reception
-from cacc_platoon.analysis.fallback import fallback_use, reception_state
+from cacc_platoon.analysis.fallback import (
+    FallbackUse,
+    fallback_premises,
+    fallback_use,
+    reception_state,
+)
 from cacc_platoon.analysis.limits import limit_use
 from cacc_platoon.analysis.premises import Conduct, restored
 from cacc_platoon.scenario import Scenario
@@ -172,3 +177,25 @@ def test_what_helps_against_growth_can_be_done():
     assert "0.2 s late (v2v.send_rule = cam sends less often), accelerations grow" in moved
     assert all("send more often" not in text for text in (prompt, moved))
     assert all(": send with less latency, or take gains" in text for text in (prompt, moved))
+
+
+def test_a_blend_is_judged_at_every_time_headway_of_the_run():
+    """At 1.2 s these gains blend with the law without V2V, at 0.5 s they do not."""
+    values = {
+        "controller.k_v": 0.2,
+        "controller.k_p": 1.0,
+        "controller.time_headway": 1.2,
+        "v2v.reception": "fallback",
+        "v2v.fallback_headway": 1.1,
+        "run.duration": 20.0,
+    }
+    cases = [
+        ((), "no blend of the two, however it changes, can"),
+        (("1 vehicle_1 controller.time_headway=1.3",), "changes, while its time headway stays"),
+        (("1 vehicle_1 controller.time_headway=0.5",), "nothing is proven of a vehicle that goes"),
+    ]
+    for timeline, said in cases:
+        scenario = Scenario.from_values({**values, "run.timeline": timeline})
+        used = FallbackUse(scenario.followers[0].index, (0.5, 0.1, 0.3, 0.1), 2.0, 9.0, 1)
+        (line,) = fallback_premises(scenario, [used])
+        assert said in line

@@ -266,6 +266,32 @@ def test_energies_of_errors_say_that_they_are_of_prompt_packets_where_growth_is_
     assert known[2].mean == "does not grow from the second vehicle on"
 
 
+def test_nothing_is_guaranteed_of_a_loop_that_is_sampled_too_slowly():
+    """Case A every 0.2 s has sup|H_T| = 1.014: only its loop in continuous time keeps energies."""
+    slow = {"platoon.followers": 3, "run.step": 0.2}
+    verdict = judge(Scenario.from_values(slow))
+    assert verdict.string_stable
+    assert verdict.guarantee == ("nothing is guaranteed: sampled as slowly as this errors may grow")
+    rows = {row.signal: row.mean for row in verdict.guarantees}
+    assert rows["energy of a_i"].startswith("may grow: not string stable sampled every 0.2 s; in ")
+    assert rows["energy of delta_i"].startswith("may grow; only in continuous time")
+    assert rows["peaks of delta_i"].startswith("in continuous time at most")
+    alone = judge(Scenario.from_values({**slow, "platoon.followers": 1}))
+    assert alone.guarantee == verdict.guarantee
+    row = {one.signal: one.mean for one in alone.guarantees}["energy of delta_i"]
+    assert row.startswith("may grow; only")
+    unequal = judge(Scenario.from_values(slow).with_values({"vehicle_3.controller.k_v": 0.632}))
+    assert unequal.string_stable
+    row = {one.signal: one.mean for one in unequal.guarantees}["energy of delta_i"]
+    assert row.startswith("may grow; in continuous time at most 2")
+
+
+def test_peaks_where_lags_differ_are_said_of_hops_of_equal_lags():
+    lags = {"platoon.followers": 2, "vehicle.tau": (0.1, 0.5), "vehicle.tau_max": 0.5}
+    assert judge(Scenario.from_values(lags)).hop == "between followers of equal lags"
+    assert judge(Scenario.from_values(SETTINGS)).hop == "between followers"
+
+
 def test_a_leader_that_turns_between_samples_raises_the_first_peak_and_no_other_hop():
     """Its samples, a hundredth of each interval, ask for the most by k a_0, the rest by v and x."""
     T, count, tau = 0.1, 400, 0.5

@@ -200,3 +200,9 @@ def test_a_design_that_holds_packets_is_explained_at_its_period():
     assert slow.string_stable
     assert "sampled every 0.2 s is not string stable" in explain_verdict(slow)
     assert "held" not in explain_verdict(certify(A, 5.0, 0.5))
+
+
+def test_a_design_that_is_sampled_too_slowly_is_so_in_continuous_time_alone():
+    slow = explain_verdict(certify(A, 5.0, 0.5, period=0.2))
+    assert slow.endswith("time alone: sampled every 0.2 s it is not string stable.")
+    assert "sampled" not in explain_verdict(certify(A, 5.0, 0.5))

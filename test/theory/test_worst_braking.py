@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from cacc_platoon.model import Gains, State, ThirdOrderPlant
 from cacc_platoon.theory import DesignError, poles, worst_spacing
@@ -30,6 +31,41 @@ def test_the_first_follower_in_closed_form(gains, k):
     lost = 5e-4 * largest[: round(3.125 / 5e-4)].sum()
     expected = 5.0 + gains.time_headway * 25.0 - 8.0 * lost
     assert worst_spacing(gains, 0.5, k, **HOW)[0] == pytest.approx(expected, abs=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("gains", "tau", "k", "rear", "rest"),
+    [
+        (Gains(0.88, 0.318305009, 0.85, 0.003), 0.5, 0.8 * 0.318305009, 12, 3.8947),
+        (E, 0.5, 0.4, 5, 4.9137),
+        (Gains(1.519188904, 0.14053001, 0.180616484, 2.126212733), 0.8, 0.106192, 11, 4.2714),
+    ],
+    ids=["C", "E", "ringing"],
+)
+def test_no_braking_leads_below_what_is_said_of_followers_far_behind(gains, tau, k, rear, rest):
+    """Of exact states every 5 ms (scipy.linalg.expm), and their largest 3.125 s."""
+    system = np.zeros((3 * rear + 2,) * 2)
+    h, _, k_v, k_p = gains
+    system[0, 1] = 1.0
+    state = np.zeros(len(system))
+    state[[1, 4]] = 1.0, k / tau
+    for x in range(2, len(system), 3):
+        ahead = max(x - 3, 0)
+        system[[x, x + 1], [x + 1, x + 2]] = 1.0
+        system[x + 2, x : x + 3] = np.array([-k_p, -k_v - h * k_p, -1.0]) / tau
+        system[x + 2, ahead : ahead + 2] = np.array([k_p, k_v]) / tau
+        system[x + 2, ahead + 2] += k / tau if x > 2 else 0.0
+    step = expm(system * STEP)
+    last = len(system) - 3
+    spacing = np.zeros(24_000)
+    for sample in range(len(spacing)):
+        spacing[sample] = state[max(last - 3, 0)] - state[last]
+        state = step @ state
+    exact = 5.0 + 25.0 * h - 8.0 * STEP * np.sort(spacing)[-round(3.125 / STEP) :].sum()
+    assert exact == pytest.approx(rest, abs=2e-4)
+    for steps in (10.0, 20.0):
+        said = worst_spacing(gains, tau, k, **HOW, vehicles=rear, steps=steps)[-1]
+        assert exact - 0.004 < said < exact + 1e-4
 
 
 def smallest(gains, k, braking):
