@@ -48,7 +48,12 @@ def test_a_truck_in_the_middle_shortens_the_gap_behind_it():
 
 
 def test_what_touches_with_its_length_has_collided():
-    near = {**BRAKING, "platoon.standstill_distance": 3.0, "platoon.initial_speed": 1.0}
+    near = {
+        **BRAKING,
+        "platoon.standstill_distance": 3.0,
+        "platoon.initial_speed": 1.0,
+        "run.stop_on_collision": False,
+    }
     assert compute_metrics(simulate(Scenario.from_values(near))).first_collision is None
     touching = Scenario.from_values({**near, "vehicle.length": 4.5})
     assert compute_metrics(simulate(touching)).first_collision is not None
