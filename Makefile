@@ -59,7 +59,7 @@ test-quick: setup ## run the unit tests alone: no processes, no DDS, under a min
 	$(BIN)/python -m pytest -m unit -n auto --hypothesis-profile quick
 
 test-oldest: $(OLDEST_STAMP) ## unit tests and one real run with the oldest versions, on Python 3.11
-	$(OLDEST)/bin/python -m pytest -m unit -n auto --hypothesis-profile quick
+	nice $(OLDEST)/bin/python -m pytest -m unit -n auto --hypothesis-profile quick
 	$(OLDEST)/bin/python -m pytest '$(ONE_RUN)'
 
 $(OLDEST_STAMP): setup.py pyproject.toml test/oldest.txt

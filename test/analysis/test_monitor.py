@@ -69,8 +69,12 @@ def test_in_the_mean_there_is_no_packet_to_watch():
     "more",
     [
         {"v2v.monitor": "fallback", "v2v.reception": "fallback", "v2v.loss": 0.2},
-        {"sensing.delay": 0.05, "sensing.range_rate_std": 0.02, "v2v.latency": 0.03},
-        {"v2v.receiver": "own_parts:Forgetting"},
+        {
+            "v2v.receiver": "own_parts:Forgetting",
+            "sensing.delay": 0.05,
+            "sensing.range_rate_std": 0.02,
+            "v2v.latency": 0.03,
+        },
     ],
 )
 def test_a_bag_says_the_same_and_the_report_tells_it(more, tmp_path, monkeypatch):
