@@ -72,3 +72,12 @@ def test_custom_code_that_would_ignore_it_refuses_a_change(ros: None) -> None:
     assert not result.successful
     assert "is ignored by the control law" in result.reason
     vehicle.destroy_node()
+
+
+def test_nothing_may_be_set_where_the_run_is_not_adjustable(ros: None) -> None:
+    relay = NoiseRelayNode(Scenario.from_values({"platoon.followers": 2}), 2)
+    [result] = relay.set_parameters([Parameter("v2v.loss", value=1.0)])
+    assert not result.successful
+    assert "read-only" in result.reason
+    assert texts(relay) == []
+    relay.destroy_node()

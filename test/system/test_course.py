@@ -123,10 +123,3 @@ def test_a_collision_ends_the_run_at_its_sample(
     assert report.headline.startswith("COLLISION, ")
     assert report.standing.stands
     assert report.run.findings == ()
-
-
-def test_nothing_may_be_set_where_the_run_is_not_adjustable(platoon: Start) -> None:
-    run = platoon(*SMALL, "run.duration=20", "run.real_time_factor=4", hosts=1)
-    run.wait_sample(50)
-    assert "read-only" in run.set_parameter("vehicle_2/noise_relay", "v2v.loss", 1.0)
-    assert run.result().exit_code == 0
