@@ -10,7 +10,7 @@ from cacc_platoon.bags.digest import run_digest
 from cacc_platoon.bags.rows import TopicRows
 from cacc_platoon.model import Topology
 from cacc_platoon.runs.parts import PartWriter, read_parts
-from cacc_platoon.runs.recording import recording_of
+from cacc_platoon.runs.recording import first_samples, recording_of
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.simulation import simulate
 from msg_adapters.topics import Graph, VehicleTopics
@@ -121,3 +121,26 @@ def test_a_part_is_never_overwritten(tmp_path):
     PartWriter(tmp_path / "a", []).close()
     with pytest.raises(FileExistsError):
         PartWriter(tmp_path / "a", [])
+
+
+@pytest.mark.parametrize("channel", [{}, {"v2v.loss": 0.3, "v2v.latency": 0.05}])
+def test_the_first_samples_of_a_recording_are_those_of_a_run_that_ends_there(channel):
+    crash = {
+        "platoon.followers": 3,
+        "platoon.standstill_distance": 0.5,
+        "controller.time_headway": 0.3,
+        "vehicle.length": 4.5,
+        "leader.profile": "brake",
+        "leader.start": 1.0,
+        "leader.deceleration": 9.0,
+        "run.duration": 6.0,
+    }
+    ended = Scenario.from_values({**crash, **channel})
+    wanted = recording_of(simulate(ended))
+    whole = recording_of(simulate(ended.with_values({"run.stop_on_collision": False})))
+    samples = len(wanted["/platoon/vehicle_1/pose"].messages)
+    assert 100 < samples < 601
+    found = first_samples(whole, Graph.of(ended), samples * ended.step_ns)
+    assert found.keys() == wanted.keys()
+    for name, rows in wanted.items():
+        np.testing.assert_array_equal(found[name].messages, rows.messages, err_msg=name)

@@ -99,3 +99,14 @@ def test_no_test_where_draws_are_used_before_and_after_a_loss():
     assert mean_agreement(scenario, monte_carlo(scenario, 2), simulate_mean(scenario)) is None
     quiet = scenario.with_values({"v2v.noise": "expected"})
     assert mean_agreement(quiet, monte_carlo(quiet, 2), simulate_mean(quiet)) is not None
+
+
+def test_there_is_no_such_test_where_parameters_change():
+    """A draw has no one response then."""
+    changing = ("5 link_1 v2v.loss=0.2", "8 vehicle_1 controller.time_headway=1.1")
+    for timeline, tested in (((), True), (changing[:1], False), (changing[1:], False)):
+        one = Scenario.from_values(
+            {"platoon.followers": 2, "run.duration": 12.0, "run.timeline": timeline}
+        )
+        found = mean_agreement(one, monte_carlo(one, 3), simulate_mean(one))
+        assert (found is not None) == tested
