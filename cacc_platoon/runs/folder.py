@@ -120,8 +120,10 @@ class RunFolder:
         return True
 
     def write_scenario(self, scenario: Scenario) -> None:
-        """Write the resolved scenario."""
-        (self.path / SCENARIO_FILE).write_text(format_scenario(scenario), encoding="utf-8")
+        """Write the resolved scenario, all of it or nothing."""
+        written = self.path / f"{SCENARIO_FILE}.new"
+        written.write_text(format_scenario(scenario), encoding="utf-8")
+        written.replace(self.path / SCENARIO_FILE)
 
     def scenario(self) -> Scenario:
         """Return the resolved scenario."""
