@@ -3,17 +3,20 @@
 # tools/find_python looks for one.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup demo paper test test-quick test-oldest campaign coverage lint clean FORCE
+.PHONY: help setup demo paper test test-quick test-oldest campaign soak coverage lint clean FORCE
 
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/made_in
+ROS_ELSEWHERE := import rclpy, sys; sys.exit(rclpy.__file__.startswith(sys.prefix))
 DEMO := runs/demo
 SEED := 1
 COUNT := 500
 FAULTS := 200
 DESIGNS := 200
 CHANNELS := 45
+JOBS := 2
+MINUTES := 30
 
 OLDEST := .venv-oldest
 OLDEST_STAMP := $(OLDEST)/made_in
@@ -39,7 +42,7 @@ $(STAMP): setup.py pyproject.toml tools/find_python Makefile $(STALE)
 	  echo "setup: $(VENV) from $$python ($$("$$python" -V)), the first time takes some minutes"; \
 	  "$$python" -m venv --clear $(VENV); \
 	fi; \
-	extras=ros,test; if $(BIN)/python -c 'import rclpy' 2>/dev/null; then extras=test; fi; \
+	extras=ros,test; if $(BIN)/python -c '$(ROS_ELSEWHERE)' 2>/dev/null; then extras=test; fi; \
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[$$extras]"; \
 	printf '%s' '$(CURDIR)' >$@; echo "setup: done, $(BIN)/platoon is ready"
 
@@ -52,14 +55,14 @@ paper: setup ## repeat the paper: its three cases on ROS 2 nodes, every figure, 
 	$(BIN)/platoon paper
 
 test: lint ## check the style and types, then run every test
-	$(BIN)/python -m pytest -m "unit or report" -n auto
-	$(BIN)/python -m pytest -m "ros or system" -n 3 --dist worksteal
+	$(BIN)/python -m pytest -m "unit or report" -n auto --dist worksteal
+	$(BIN)/python -m pytest -m "ros or system" -n 4 --dist worksteal
 
-test-quick: setup ## run the unit tests alone: no processes, no DDS, under a minute
-	$(BIN)/python -m pytest -m unit -n auto --hypothesis-profile quick
+test-quick: setup ## run the unit tests but the slow ones: no processes, no DDS, a minute and a half
+	$(BIN)/python -m pytest -m "unit and not slow" -n auto --dist worksteal --hypothesis-profile quick
 
-test-oldest: $(OLDEST_STAMP) ## unit tests and one real run with the oldest versions, on Python 3.11
-	nice $(OLDEST)/bin/python -m pytest -m unit -n auto --hypothesis-profile quick
+test-oldest: $(OLDEST_STAMP) ## quick unit tests and one real run with the oldest versions, on Python 3.11
+	nice $(OLDEST)/bin/python -m pytest -m "unit and not slow" -n auto --dist worksteal --hypothesis-profile few
 	$(OLDEST)/bin/python -m pytest '$(ONE_RUN)'
 
 $(OLDEST_STAMP): setup.py pyproject.toml test/oldest.txt
@@ -71,14 +74,17 @@ $(OLDEST_STAMP): setup.py pyproject.toml test/oldest.txt
 
 campaign: setup ## search for what breaks a rule: COUNT=500 hostile inputs of each kind, FAULTS=200 of platoons, DESIGNS=200, CHANNELS=45
 	$(BIN)/python test/campaign/inputs.py --seed $(SEED) --count $(COUNT)
-	$(BIN)/python test/campaign/faults.py --seed $(SEED) --count $(FAULTS)
+	$(BIN)/platoon campaign --seed $(SEED) --faults $(FAULTS) --jobs $(JOBS)
 	$(BIN)/python test/campaign/designs.py --seed $(SEED) --count $(DESIGNS)
 	$(BIN)/python test/campaign/channels.py --seed $(SEED) --count $(CHANNELS)
 
+soak: setup ## a run by clocks of MINUTES=30 with a fault every few seconds: nothing grows, nothing is lost
+	$(BIN)/python test/campaign/soak.py --seed $(SEED) --minutes $(MINUTES)
+
 coverage: setup ## run every test and print how much of the code ran, in subprocesses too
 	$(BIN)/coverage erase
-	$(BIN)/coverage run -m pytest -m "unit or report" -n auto
-	$(BIN)/coverage run -m pytest -m "ros or system" -n 3 --dist worksteal
+	$(BIN)/coverage run -m pytest -m "unit or report" -n auto --dist worksteal
+	$(BIN)/coverage run -m pytest -m "ros or system" -n 4 --dist worksteal
 	$(BIN)/coverage combine --quiet
 	$(BIN)/coverage report
 

@@ -26,7 +26,7 @@ version = re.search(r'__version__ = "(.+)"', (here / NAME / "__init__.py").read_
 executables = [f"platoon = {NAME}.__main__:main"]
 if not PIP_COMMANDS.intersection(sys.argv):  # colcon: lib/cacc_platoon, where `ros2 run` looks
     executables += [f"{node} = {NAME}.supervision.entry_points:{node}" for node in NODES]
-    executables += [f"supervisor = {NAME}.cli.supervisor:main"]
+    executables += [f"{name} = {NAME}.cli.{name}:main" for name in ("supervisor", "host")]
 
 
 def files(pattern):
@@ -41,7 +41,13 @@ setup(
     python_requires=">=3.11",
     packages=find_packages(include=[NAME, f"{NAME}.*", "msg_adapters", "msg_adapters.*"]),
     package_data={
-        NAME: ["py.typed", "dds/*.xml", "report/*.css", "scenario/channels/*.yaml"],
+        NAME: [
+            "py.typed",
+            "dds/*.xml",
+            "live/page/*",
+            "report/*.css",
+            "scenario/channels/*.yaml",
+        ],
         "msg_adapters": ["py.typed"],
     },
     data_files=[

@@ -64,6 +64,7 @@ class StampedCodec:
         self.padding = (_FRAME_AT + len(frame), 12 + len(gap))
         self._packer = struct.Struct(f"<4siI{len(gap)}sdd{len(tail)}s")
         self._unpacker = struct.Struct(f"<4xiI{len(gap)}xd")
+        self._both_unpacker = struct.Struct(f"<4xiI{len(gap)}xdd")
         self._record = np.dtype(
             {
                 "names": ["sec", "nanosec", "x", "y"],
@@ -91,23 +92,32 @@ class StampedCodec:
         seconds, nanoseconds, x = self._unpacker.unpack_from(data)
         return seconds * SECOND + nanoseconds, x
 
-    def values(self, messages: npt.NDArray[np.uint8]) -> npt.NDArray[np.float64]:
-        """Return x of many messages given as rows of bytes, shape (n, size) -> (n,)."""
-        return np.array(self._fields(messages)["x"], np.float64)
+    def decode_both(self, data: bytes) -> tuple[int, float, float]:
+        """Return stamp [ns], x and y; see `decode`."""
+        if len(data) != self.size:
+            raise LayoutError(f"has {len(data)} bytes where {self.size} are due")
+        seconds, nanoseconds, x, y = self._both_unpacker.unpack_from(data)
+        return seconds * SECOND + nanoseconds, x, y
+
+    def values(self, messages: npt.NDArray[np.uint8], field: str = "x") -> npt.NDArray[np.float64]:
+        """Return x, or y, of many messages given as rows of bytes, shape (n, size) -> (n,)."""
+        return np.array(self._fields(messages)[field], np.float64)
 
     def stamps(self, messages: npt.NDArray[np.uint8]) -> npt.NDArray[np.int64]:
         """Return the stamps [ns] of many messages, shape (n, size) -> (n,)."""
         fields = self._fields(messages)
         return np.asarray(fields["sec"].astype(np.int64) * SECOND + fields["nanosec"])
 
-    def encode_many(self, stamps: npt.ArrayLike, x: npt.ArrayLike) -> npt.NDArray[np.uint8]:
+    def encode_many(
+        self, stamps: npt.ArrayLike, x: npt.ArrayLike, y: npt.ArrayLike = 0.0
+    ) -> npt.NDArray[np.uint8]:
         """Return the CDR bytes of many messages, shape (len(stamps), size)."""
         stamps = np.asarray(stamps)
         template = np.frombuffer(self.encode(0, 0.0), np.uint8)
         messages = np.tile(template, (len(stamps), 1))
         records = messages.view(self._record)[:, 0]
         records["sec"], records["nanosec"] = stamps // SECOND, stamps % SECOND
-        records["x"] = x
+        records["x"], records["y"] = x, y
         return messages
 
     def _fields(self, messages: npt.NDArray[np.uint8]) -> npt.NDArray[np.void]:

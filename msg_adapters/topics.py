@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import re
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -61,6 +63,7 @@ class VehicleTopics:
         self.spacing_error = Topic(f"{self.namespace}/spacing_error", VECTOR, body)
         self.reception = Topic(f"{self.namespace}/reception", VECTOR, body)
         self.monitor = Topic(f"{self.namespace}/monitor", VECTOR, body)
+        self.timing = Topic(f"{self.namespace}/timing", VECTOR, body)
 
     @property
     def motion(self) -> tuple[Topic, Topic, Topic]:
@@ -87,7 +90,7 @@ def _body(index: int) -> str:
 
 
 class PlatoonTopics:
-    """The topics that belong to a platoon as a whole."""
+    """The topics and services that belong to a platoon as a whole."""
 
     def __init__(self, prefix: str) -> None:
         self.prefix = prefix
@@ -97,10 +100,24 @@ class PlatoonTopics:
         self.host_state = f"{prefix}/host_state"
         self.events = f"{prefix}/events"
         self.markers = f"{prefix}/markers"
+        self.pause = f"{prefix}/pause"
+        self.resume = f"{prefix}/resume"
+        self.step = f"{prefix}/step"
+        self.set_parameters = f"{prefix}/supervisor/set_parameters"
+        self.view_request = f"{prefix}/view_request"
+        self.view = f"{prefix}/view"
 
     def recorded(self, host: str) -> str:
         """Return the topic on which the recorder of a host publishes its progress."""
         return f"{self.prefix}/{host_name(host)}/recorded"
+
+    def part(self, host: str) -> str:
+        """Return the topic on which a host on another machine gives what it has recorded."""
+        return f"{self.prefix}/{host_name(host)}/part"
+
+    def part_wanted(self, host: str) -> str:
+        """Return the topic on which the supervisor says how much of that it has [bytes]."""
+        return f"{self.prefix}/{host_name(host)}/part_wanted"
 
 
 class Role(NamedTuple):
@@ -162,7 +179,7 @@ class Graph:
     topology : Topology
         Who receives from whom.
     counted : frozenset of int
-        Followers whose relay counts its messages, because its channel may lose or delay them.
+        Followers whose packets are counted, because they may be lost or late.
     command, spacing_error : bool
         Whether vehicles publish these too.
     triggered : frozenset of int
@@ -171,6 +188,9 @@ class Graph:
         Followers that fall back without V2V, and publish the state of their reception.
     monitored : frozenset of int
         Followers that compare what they receive with what they measure, and publish what they find.
+    clocked : bool
+        Whether vehicles keep time by clocks. Then they count their packets themselves, since nobody
+        else knows what has arrived by a sample, and publish the timing of every sample.
 
     Examples
     --------
@@ -187,6 +207,7 @@ class Graph:
     triggered: frozenset[int] = frozenset()
     fallback: frozenset[int] = frozenset()
     monitored: frozenset[int] = frozenset()
+    clocked: bool = False
 
     @classmethod
     def of(cls, scenario: Scenario) -> Graph:
@@ -201,6 +222,7 @@ class Graph:
             frozenset(one.index for one in followers if one.triggered),
             frozenset(one.index for one in followers if one.fallback_law()),
             frozenset(one.index for one in followers if one.monitored),
+            scenario.clocked,
         )
 
     @cached_property
@@ -252,13 +274,47 @@ class Graph:
 
     @property
     def run_topics(self) -> list[Topic]:
-        """The topics that make up a run."""
-        return list(self.roles.values())
+        """The topics that make up a run; by clocks, when samples were taken too."""
+        timing = [self.vehicles[index].timing for index in self.topology.followers]
+        return [*self.roles.values(), *(timing if self.clocked else [])]
 
     @property
     def recorded(self) -> list[Topic]:
         """Every topic that the bag of a run has to hold."""
         return [topic for node in self.nodes.values() for topic in node.publishes]
+
+    @cached_property
+    def subscribers(self) -> Mapping[str, int]:
+        """How many subscribers each data topic has in a run, its recorder among them."""
+        followed = Counter(topic.name for node in self.nodes.values() for topic in node.subscribes)
+        return {topic.name: followed[topic.name] + 1 for topic in self.recorded}
+
+    def recorded_with(self, node: NodeName) -> tuple[Topic, ...]:
+        """Return the topics that the host of a node records.
+
+        They are what it publishes; only what is received stays with its counts.
+        """
+        publishes = self.nodes[node].publishes
+        if self.clocked and node.kind is NodeKind.NOISE_RELAY:
+            return ()
+        if self.clocked and node.kind is NodeKind.VEHICLE:
+            return (*publishes, *self._received(node.vehicle))
+        return publishes
+
+    def replayed(self, node: NodeName) -> NodeTopics:
+        """Return the topics on which a replay of a node gives and takes.
+
+        A vehicle that kept time by a clock is given when it took its samples, and what it had then.
+        """
+        topics = self.nodes[node]
+        if not (self.clocked and node.kind is NodeKind.VEHICLE):
+            return topics
+        links = (self.links[link] for link in self._links_to(node.vehicle))
+        given = {self.vehicles[node.vehicle].timing, *(link.complete for link in links)}
+        return NodeTopics(
+            tuple(topic for topic in topics.publishes if topic not in given),
+            (*topics.subscribes, *(topic for topic in topics.publishes if topic in given)),
+        )
 
     def _vehicle(self, index: int) -> NodeTopics:
         own, ahead = self.vehicles[index], self.vehicles[index - 1]
@@ -267,8 +323,11 @@ class Graph:
             (self.spacing_error, own.spacing_error),
             (index in self.fallback, own.reception),
             (index in self.monitored, own.monitor),
+            (self.clocked, own.timing),
         )
         publishes = (*own.motion, *(topic for wanted, topic in asked if wanted))
+        if self.clocked:
+            publishes += tuple(self.links[link].complete for link in self._links_to(index))
         return NodeTopics(publishes, (ahead.pose, ahead.twist, *self._received(index)))
 
     def _relay(self, index: int) -> NodeTopics:
@@ -284,19 +343,40 @@ class Graph:
 
     def _received(self, index: int) -> tuple[Topic, ...]:
         """Return what the relay of a follower publishes."""
-        counts = index in self.counted
+        counts = index in self.counted and not self.clocked
         topics = (self.links[link] for link in self._links_to(index))
         return tuple(topic for link in topics for topic in (link if counts else link[:1]))
+
+
+def is_packets(topic: str) -> bool:
+    """Return whether a topic has what a relay hands on: packets, and not every sample.
+
+    Examples
+    --------
+    >>> is_packets("/platoon/vehicle_3/v2v/accel"), is_packets("/platoon/vehicle_3/v2v/complete")
+    (True, False)
+    """
+    role = role_of(topic)
+    return role is not None and role[1].quantity == "received"
 
 
 OUTSIDE_LAG = 500
 """Samples that a subscriber outside of the platoon, whom nobody waits for, may lag without loss."""
 
 
-def queue_depth(window: int, followers: int) -> int:
-    """Return the depth of every queue: deeper than anything the lockstep window lets pile up.
+LONGEST_PAUSE = 60.0
+"""For so long a node by a clock may be deaf without losing a message [s]."""
 
-    The leader is at most `window` samples ahead of the last complete sample, and a follower may
-    lag the leader by one sample a vehicle more.
+
+def queue_depth(scenario: Scenario) -> int:
+    """Return the depth of every queue: deeper than anything that piles up.
+
+    In lockstep the leader is at most run.window samples ahead of the last complete sample, and a
+    follower may lag the leader by one sample a vehicle more.
     """
-    return 2 * window + followers + OUTSIDE_LAG
+    run = scenario.run
+    depth = 2 * run.window + scenario.platoon.followers + OUTSIDE_LAG
+    if not scenario.clocked:
+        return depth
+    pause = math.ceil(LONGEST_PAUSE / run.clock_period)
+    return max(depth, min(scenario.samples, pause))

@@ -32,6 +32,7 @@ ROOT = Path(__file__).parents[1]
 # of max_examples. To look for new ones: pytest --hypothesis-profile=new
 settings.register_profile("project", derandomize=True, deadline=None, max_examples=20)
 settings.register_profile("quick", derandomize=True, deadline=None, max_examples=12)
+settings.register_profile("few", derandomize=True, deadline=None, max_examples=3)
 settings.register_profile("new", deadline=None)
 settings.load_profile("project")
 

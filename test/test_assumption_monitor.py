@@ -4,6 +4,8 @@ import json
 import sys
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[1]
 FOLDER = ROOT / "examples" / "assumption_monitor"
 sys.path.insert(0, str(FOLDER))
@@ -31,6 +33,7 @@ def test_the_page_has_the_tables_of_the_numbers():
     assert KEPT["size"] == measure.Size()._asdict()
 
 
+@pytest.mark.slow
 def test_numbers_are_those_of_today():
     case = {"channel": "rho = 5", "sensor": "perfect", "attack": "replay=3"}
     assert measure.detection(measure.Size(), **case) == row(**case)
@@ -51,6 +54,7 @@ def test_what_the_page_says_in_words():
     assert f"cruises for {cruise:g} of {sum(lasts for lasts, _ in measure.CYCLE):g} s" in PAGE
 
 
+@pytest.mark.slow
 def test_the_command_makes_everything(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(measure, "QUIET", measure.QUIET[:1])
     monkeypatch.setattr(measure, "TIMED", measure.TIMED[:1])

@@ -125,7 +125,7 @@ def executables() -> set[str]:
     text = (ROOT / "setup.py").read_text()
     found = re.search(r"^NODES = \(([^)]*)\)", text, re.M)
     assert found
-    return {"platoon", "supervisor", *re.findall(r'"(\w+)"', found[1])}
+    return {"platoon", "supervisor", "host", *re.findall(r'"(\w+)"', found[1])}
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))

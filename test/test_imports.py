@@ -8,8 +8,8 @@ from typing import NamedTuple
 import pytest
 
 ROOT = Path(__file__).parents[1]
-ROS = {"rclpy", "geometry_msgs", "std_msgs", "rosgraph_msgs", "rcl_interfaces", "diagnostic_msgs"}
-ROS |= {"builtin_interfaces", "visualization_msgs"}
+ROS = {"rclpy", "std_srvs", "geometry_msgs", "std_msgs", "rosgraph_msgs", "rcl_interfaces"}
+ROS |= {"builtin_interfaces", "diagnostic_msgs", "visualization_msgs"}
 
 
 class Room(NamedTuple):
@@ -47,15 +47,23 @@ ROOMS = {
     "supervision": Room(
         {*RUNS, "stop_signal", "time_limit", "dds", "stepping", "nodes"}, {"numpy", *ROS}
     ),
+    "live": Room({*RUNS, "supervision"}, set(), {"foxglove"}),
     "sweep": Room({*JUDGED}, {"numpy"}),
     "report": Room({*JUDGED, "design", "figures", "notation"}, {"numpy", "ruamel"}, {"matplotlib"}),
     "replay": Room({*JUDGED, "figures"}, {"numpy"}),
     "testing": Room({*RUNS, "dds", "nodes", "supervision"}, {"numpy", *ROS}),
+    "campaign": Room(
+        {*JUDGED, "stop_signal", "dds", "nodes", "supervision", "testing"}, {"numpy", *ROS}
+    ),
     "reproduction": Room({*JUDGED, "figures", "notation", "report"}, {"numpy"}),
     "cli": Room(
-        {*JUDGED, "stop_signal", "dds", "design", "figures", "report", "replay", "reproduction"},
+        {
+            *JUDGED,
+            *("stop_signal", "dds", "design", "figures", "live", "report", "replay"),
+            "reproduction",
+        },
         {"numpy", "ruamel"},
-        {"nodes", "supervision", *ROS},
+        {"nodes", "supervision", "campaign", *ROS},
     ),
 }
 
@@ -134,6 +142,9 @@ def test_the_package_itself_imports_nothing():
         ("theory", "from cacc_platoon.scenario import Scenario"),
         ("scenario", "from cacc_platoon.theory import certify"),
         ("cli", "from cacc_platoon.testing import Platoon"),
+        ("cli", "def run():\n    from cacc_platoon.testing import Platoon"),
+        ("cli", "from cacc_platoon.campaign.trials import try_all"),
+        ("supervision", "from cacc_platoon.campaign.plan import plan"),
         ("analysis", "from cacc_platoon.report import summary"),
         ("simulation", "from msg_adapters.topics import Topic"),
         ("scenario", "if True:\n    from cacc_platoon.simulation import simulate"),

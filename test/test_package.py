@@ -22,6 +22,9 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 CITATION = YAML(typ="safe", pure=True).load(ROOT / "CITATION.cff")
 OLDEST = (ROOT / "test" / "oldest.txt").read_text()
 
+OPTIONAL = {"foxglove": "foxglove-sdk"}
+"""What is imported only where the extra [live] is installed, and its project."""
+
 ROSDEP_KEYS = {
     "matplotlib": "python3-matplotlib",
     "numpy": "python3-numpy",
@@ -132,17 +135,19 @@ def test_the_manifest_is_an_ament_python_package_of_format_3():
 
 
 def test_exec_depends_are_what_the_code_imports():
-    packages = imported("cacc_platoon", "msg_adapters", "launch")
+    packages = imported("cacc_platoon", "msg_adapters", "launch") - OPTIONAL.keys()
     assert {ROSDEP_KEYS.get(name, name) for name in packages} == depends("exec_depend")
 
 
 def test_pip_requirements_are_what_the_code_imports():
     ros = {name for name in depends("exec_depend") if not name.startswith(("python3-", "ros2"))}
-    packages = imported("cacc_platoon", "msg_adapters") - ros
+    packages = imported("cacc_platoon", "msg_adapters") - ros - OPTIONAL.keys()
+    live = {project(text) for text in PROJECT["optional-dependencies"]["live"]}
+    assert live == set(OPTIONAL.values())
     required = {project(text) for text in PROJECT["dependencies"]}
     assert {"ruamel.yaml" if name == "ruamel" else name for name in packages} == required
     extra = {project(text) for text in PROJECT["optional-dependencies"]["ros"]}
-    follows_from_rclpy = {"rcl_interfaces"}
+    follows_from_rclpy = {"builtin_interfaces", "rcl_interfaces", "rosgraph_msgs"}
     assert extra == {f"ros-jazzy-{name.replace('_', '-')}" for name in ros - follows_from_rclpy}
 
 
@@ -150,7 +155,8 @@ def test_every_executable_has_its_function(setup_arguments):
     executables = setup_arguments()["entry_points"]["console_scripts"]
     names = {entry.partition(" = ")[0] for entry in executables}
     assert names == {
-        *("leader", "vehicle", "noise_relay", "recorder", "markers", "supervisor", "platoon"),
+        *("leader", "vehicle", "noise_relay", "recorder", "markers", "supervisor", "host"),
+        "platoon",
     }
     for entry in executables:
         module, _, function = entry.partition(" = ")[2].partition(":")

@@ -13,8 +13,13 @@ from jsonschema import Draft202012Validator
 from ruamel.yaml import YAML
 
 from cacc_platoon.analysis import analyse
+from cacc_platoon.campaign.answer import document as campaign_document
+from cacc_platoon.campaign.check import Outcome
+from cacc_platoon.campaign.plan import plan
+from cacc_platoon.campaign.trials import Trial
 from cacc_platoon.cli import main
 from cacc_platoon.cli.simulate import simulate_run
+from cacc_platoon.live.picture import Picture, VehicleNow
 from cacc_platoon.replay import (
     comparison_document,
     first_difference,
@@ -27,8 +32,9 @@ from cacc_platoon.report import metrics_document
 from cacc_platoon.reproduction.cases import CASES, case_scenario
 from cacc_platoon.reproduction.paper_page import document as paper_document
 from cacc_platoon.reproduction.reproduce import reproduce
-from cacc_platoon.runs.info import HostInfo, RunInfo
+from cacc_platoon.runs.info import ClockOffset, HostInfo, RunInfo
 from cacc_platoon.runs.parts import PartWriter
+from cacc_platoon.runs.sample_reader import Reading
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import format_scenario
 from cacc_platoon.scenario.run_event import EventKind, RunEvent
@@ -40,6 +46,7 @@ from cacc_platoon.supervision.protocol import (
     RunPhase,
     RunStatus,
 )
+from cacc_platoon.supervision.view_message import HostView
 from msg_adapters.topics import Graph, VehicleTopics
 
 ROOT = Path(__file__).parents[1]
@@ -68,6 +75,7 @@ SILENT = {
     "run.duration": 3.0,
     "vehicle.limits": "iso15622",
     "run.timeline": ("1 link_2 v2v.loss=0.5",),
+    "run.sync": "wall",
 }
 DESIGNS = [
     question.split()
@@ -106,10 +114,27 @@ STATUSES = [
         phase=phase,
         samples=2001,
         message="no progress for 10 s",
-        hosts=(HostInfo("0", 4711, ("vehicle_0/leader",)),),
+        hosts=(HostInfo("0", 4711, ("vehicle_0/leader",), "east", "/there/host_0"),),
         subscribers={"/platoon/vehicle_0/pose": 2},
     )
     for phase in RunPhase
+]
+
+VIEW = HostView("f00d", "0", 12, {"/platoon/vehicle_0/pose": Reading(12, 1.5)})
+PICTURE = Picture(
+    "/platoon",
+    phase="running",
+    sample=12,
+    samples=2001,
+    step=0.01,
+    factor=1.5,
+    left=10.0,
+    events=(RunEvent(EventKind.COLLISION, 12, "vehicle_2/vehicle"),),
+    vehicles=(VehicleNow(0), VehicleNow(1, 12, reception="fallback", alarm=True)),
+)
+TRIALS = [
+    Trial(plan(1, 0), Outcome(4.0, 1, state="failed", samples=200), (), None),
+    Trial(plan(1, 1), Outcome(60.0), ("did not end within 60 s",), Path("runs/campaign/1-1-kill")),
 ]
 
 
@@ -120,13 +145,16 @@ def documents(tmp_path_factory, bags):
     reports = [analyse(path) for path in recorded(folder, bags)]
     info = json.loads((folder / "noisy" / "run.json").read_text())
     host = HostInfo("0", 4711, ("vehicle_0/leader",))
+    offsets = {"0": ClockOffset(-1e-4, 2e-4).to_json()}
+    by_clocks = {"hosts": [host.to_json()], "clock_offsets": offsets}
     found = {
         "metrics": [metrics_document(report) for report in reports],
-        "run": [info, RunInfo.from_json(info).to_json(), {**info, "hosts": [host.to_json()]}],
+        "run": [info, RunInfo.from_json(info).to_json(), {**info, **by_clocks}],
         "paper": [paper(folder)],
         "replay": list(replays(folder / "noisy")),
         "design": [printed("design", "--json", *question) for question in DESIGNS],
         "layouts": [printed("layout", "--json", str(folder / "noisy"))],
+        "campaign": [campaign_document(1, TRIALS)],
         "part": [part(folder / "part")],
         "host_state": [json.loads(state.to_json()) for state in HOST_STATES],
         "event": [
@@ -134,6 +162,8 @@ def documents(tmp_path_factory, bags):
             for line in (folder / "crash" / "events.jsonl").read_text().splitlines()
         ],
         "status": [json.loads(status.to_json()) for status in STATUSES],
+        "view": [json.loads(VIEW.to_json())],
+        "watch": [PICTURE.to_json(), Picture("/platoon").to_json()],
     }
     return json.loads(json.dumps(found, allow_nan=False))
 
@@ -228,6 +258,8 @@ def note(value: object, schema: dict, root: dict, used: set[object]) -> None:
             if name in schema.get("properties", {}):
                 used.add(id(schema["properties"][name]))
                 note(item, schema["properties"][name], root, used)
+            elif isinstance(other := schema.get("additionalProperties"), dict):
+                note(item, other, root, used)
     elif isinstance(value, list) and "items" in schema:
         for item in value:
             note(item, schema["items"], root, used)
@@ -289,6 +321,14 @@ def test_the_version_is_the_one_of_the_code(documents, name):
         (HOST_STATES[0], "events", [{"kind": "change", "sample": 1, "node": "", "text": ""}]),
         (HOST_STATES[0], "parameters", {"vehicle_1/vehicle": {"run.step": None}}),
         (HOST_STATES[0], "parameters", {"vehicle_1/vehicle": {"run.step": [[0.01]]}}),
+        (VIEW, "host", "a b"),
+        (VIEW, "run", ""),
+        (VIEW, "sample", -1),
+        (VIEW, "readings", {"/platoon/vehicle_0/pose": [1, 2.0]}),
+        (VIEW, "readings", {"/platoon/vehicle_0/pose": [1.5, 2.0, 0.0]}),
+        (VIEW, "readings", {"/platoon/vehicle_0/pose": [-1, 2.0, 0.0]}),
+        (VIEW, "readings", {"/platoon/vehicle_0/pose": [1, "2", 0.0]}),
+        (VIEW, "readings", []),
         (STATUSES[0], "run", ""),
         (STATUSES[0], "phase", "up"),
         (STATUSES[0], "sample", -2),
@@ -301,7 +341,7 @@ def test_the_schemas_of_messages_refuse_what_the_software_refuses(record, key, v
     message = {**json.loads(record.to_json()), key: value}
     with pytest.raises(ProtocolError):
         type(record).from_json(json.dumps(message))
-    name = "host_state" if isinstance(record, HostState) else "status"
+    name = {HostState: "host_state", RunStatus: "status", HostView: "view"}[type(record)]
     assert list(validator(name).iter_errors(message))
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from cacc_platoon.analysis.age_margin import AgeMargin, age_margins
 from cacc_platoon.analysis.braking import WorstBraking, worst_braking
+from cacc_platoon.analysis.clocks import Distance, distance_from
 from cacc_platoon.analysis.consistency import Consistency, check_consistency
 from cacc_platoon.analysis.metrics import Metrics, compute_metrics
 from cacc_platoon.analysis.premises import Conduct
@@ -105,6 +106,11 @@ class Report:
         """How the data stand."""
         return standing_of(self.run, self.recomputed)
 
+    @cached_property
+    def distance(self) -> Distance:
+        """How far vehicles were at most from where they are in the expectation run."""
+        return distance_from(self.run.trajectory, self.expectation)
+
     @property
     def left_out(self) -> str:
         """Custom code that the expectation run lacks, for a sentence; empty when there is none."""
@@ -164,7 +170,7 @@ def analyse(
             measured.noise,
             consistency,
             measured.reception,
-            Conduct(measured.fallback, measured.limits),
+            Conduct(measured.fallback, measured.limits, measured.clocks),
         ),
         ensemble,
     )

@@ -8,10 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from cacc_platoon.model import Gains, ReceptionState
-from cacc_platoon.model.packets import Integers
 from cacc_platoon.scenario import Follower, Scenario
 from cacc_platoon.simulation import Trajectory
-from cacc_platoon.simulation.trajectory import Array
+from cacc_platoon.simulation.course import reception_state
 from cacc_platoon.theory.certificate import certify
 from cacc_platoon.theory.switching import blend_is_stable
 
@@ -54,14 +53,6 @@ def fallback_use(run: Trajectory) -> list[FallbackUse]:
         for column, follower in enumerate(run.scenario.followers)
         if follower.fallback_law()
     ]
-
-
-def reception_state(share: Array) -> Integers:
-    """Return the `ReceptionState` at each sample, of the share of the control law, (samples,)."""
-    rises = np.diff(share, prepend=share[:1]) > 0.0
-    between = np.where(rises, int(ReceptionState.RECOVERING), int(ReceptionState.DEGRADING))
-    found = np.where(share == 0.0, int(ReceptionState.FALLBACK), between)
-    return np.where(share == 1.0, int(ReceptionState.NORMAL), found)
 
 
 def _use(run: Trajectory, index: int, column: int) -> FallbackUse:

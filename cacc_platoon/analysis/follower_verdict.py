@@ -102,6 +102,14 @@ class FollowerVerdict(NamedTuple):
         return self.certificate is not None and self.certificate.sampled_string_stable
 
     @property
+    def lost_with_packets(self) -> bool:
+        """Whether a loop that passes the exact test grows once sampled, or with its packets."""
+        if self.certificate is None or not self.string_stable:
+            return False
+        growth = self.certificate.v2v_growth
+        return not self.sampled or (growth is not None and growth.growth > 1.0)
+
+    @property
     def l2_gain(self) -> float:
         """Worst sup |H|, NaN when undecided."""
         return math.nan if self.certificate is None else self.certificate.l2_gain

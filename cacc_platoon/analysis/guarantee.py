@@ -110,7 +110,7 @@ def of_unequal(row: Guarantee, certificates: Sequence[Certificate]) -> Guarantee
     """Make one vehicle's guarantee that of a platoon of unequal ones.
 
     Of energies of errors and of peaks of accelerations it is the largest; of what is between
-    vehicles nothing is said.
+    vehicles nothing is said, nor of energies where packets have a rate of their own.
     """
     if row.signal == "peaks of a_i":
         return largest_peaks(certificates)
@@ -119,8 +119,8 @@ def of_unequal(row: Guarantee, certificates: Sequence[Certificate]) -> Guarantee
         when = "in continuous time " if slow else ""
         row = row._replace(mean=f"may grow; {when}at most {_largest_error(certificates)}")
     unsaid = "not said of unequal links" if row.mean_square != "-" else "-"
-    peaks = "peaks" in row.signal
-    mean = "not said of unequal links" if peaks and row.mean != "-" else row.mean
+    of_equal = "peaks" in row.signal or any(one.rare for one in certificates)
+    mean = "not said of unequal links" if of_equal and row.mean != "-" else row.mean
     return row._replace(mean=mean, mean_square=unsaid, sure="not said of unequal links")
 
 

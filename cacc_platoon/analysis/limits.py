@@ -9,7 +9,7 @@ import numpy as np
 
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.simulation import Trajectory
-from cacc_platoon.simulation.platoon import commands_of
+from cacc_platoon.simulation.course import limits_act
 
 _SENSORS = {"delay": "s", "range_std": "m", "range_rate_std": "m/s"}
 
@@ -50,9 +50,7 @@ def limit_use(run: Trajectory) -> list[LimitUse]:
     stops = np.array([one.stops for one in followers])
     if not (limited.any() or stops.any()):
         return []
-    commands = commands_of(run)
-    acts = limited & (commands.wanted != commands.carried_out)
-    acts |= stops & (run.velocity[:, 1:] == 0.0) & (run.acceleration[:, 1:] == 0.0)
+    acts = limits_act(run)
     found = []
     for column, follower in enumerate(followers):
         if not (limited[column] or stops[column]):

@@ -14,6 +14,7 @@ from cacc_platoon.model.reception import not_overtaken
 from cacc_platoon.scenario import Follower
 from cacc_platoon.simulation import Arrivals, Trajectory
 from cacc_platoon.simulation.trajectory import Array
+from cacc_platoon.stepping.wall import CLOCK_MARGIN
 
 Flags = npt.NDArray[np.bool_]
 
@@ -185,6 +186,9 @@ def _of_link(run: Trajectory, receiver: Follower, column: int, arrivals: Arrival
         known &= due & (_arrives_by(receiver, samples) < samples)
     if run.arrivals is None or not receiver.counted:
         known &= np.isfinite(run.received[:, column])
+    if run.scenario.clocked:  # what came after the last sample is neither lost nor here
+        under_way = samples - round(CLOCK_MARGIN / run.scenario.run.step)
+        known[max(0, under_way, np.max(arrivals.source, initial=-1) + 1) :] = False
     delivered = np.full(samples, samples)
     np.minimum.at(delivered, arrivals.source, arrivals.sample)
     overtaken = delivered < samples

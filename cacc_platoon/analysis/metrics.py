@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cacc_platoon.analysis.age import LinkReception, link_reception
+from cacc_platoon.analysis.clocks import ClockUse, clock_use
 from cacc_platoon.analysis.fallback import FallbackUse, fallback_use
 from cacc_platoon.analysis.limits import LimitUse, limit_use
 from cacc_platoon.analysis.monitor import MonitorUse, monitor_use
@@ -78,6 +79,8 @@ class Metrics:
         Who may fall back to a law without V2V, and did.
     limits : list of LimitUse
         On whom limits of the actuator may act, and did.
+    clocks : list of ClockUse
+        How the samples of those came that keep time by clocks.
     monitor : list of MonitorUse
         Who compares packets with what is measured, and said that rho was violated.
     """
@@ -107,6 +110,7 @@ class Metrics:
     reception: list[LinkReception]
     fallback: list[FallbackUse]
     limits: list[LimitUse]
+    clocks: list[ClockUse]
     monitor: list[MonitorUse]
 
 
@@ -159,6 +163,7 @@ def compute_metrics(run: Trajectory) -> Metrics:
         reception=link_reception(run),
         fallback=fallback_use(run),
         limits=limit_use(run),
+        clocks=clock_use(run),
         monitor=monitor_use(run),
     )
 

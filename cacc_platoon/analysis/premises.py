@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cacc_platoon.analysis.age import LinkReception
+from cacc_platoon.analysis.clocks import ClockUse, clock_premises
 from cacc_platoon.analysis.consistency import Consistency
 from cacc_platoon.analysis.content import content_premises
 from cacc_platoon.analysis.fallback import FallbackUse, fallback_premises
@@ -29,6 +30,7 @@ class Conduct(NamedTuple):
 
     fallback: Sequence[FallbackUse] = ()
     limits: Sequence[LimitUse] = ()
+    clocks: Sequence[ClockUse] = ()
 
 
 def broken_premises(
@@ -47,6 +49,7 @@ def broken_premises(
         *content_premises(scenario),
         *fallback_premises(scenario, conduct.fallback),
         *limit_premises(scenario, conduct.limits),
+        *clock_premises(conduct.clocks),
         *_unexplained_loss(scenario, reception),
         *_departures(consistency),
     ]
@@ -78,7 +81,7 @@ def _sampled_too_slowly(verdicts: Sequence[FollowerVerdict]) -> list[str]:
             "time_headway and lower run.step"
         ]
     return [
-        f"{loop}, is not string stable; it is below {rounded_down(longest)} s{count}: "
+        f"{loop}, is not string stable; at periods below {rounded_down(longest)} s it is{count}: "
         "lower run.step"
     ]
 
@@ -264,9 +267,8 @@ def _bursts_and_blackouts(scenario: Scenario) -> list[str]:
     if dark := blackouts(scenario):
         found.append(
             f"no packets come in blackouts from {dark[0][0]:g} s on, until "
-            f"{max(end for _, end in dark):g} s (v2v.blackouts): "
-            "without them the headway is that of no communication, for which nothing is proven "
-            "below 2 tau0"
+            f"{max(end for _, end in dark):g} s (v2v.blackouts): what is proven is of packets that "
+            "come"
         )
     return found
 

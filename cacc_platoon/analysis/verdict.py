@@ -79,8 +79,9 @@ class Verdict:
     followers : tuple of FollowerVerdict
         One by one.
     weakest : FollowerVerdict
-        A follower that fails before one that is undecided, then the one with the largest sup |H|,
-        then the one that loses most packets, then the one with the smaller least margin.
+        A follower that fails before one that is undecided, then one that grows once sampled or
+        with its packets, then the one with the largest sup |H|, then the one that loses most
+        packets, then the one with the smaller least margin.
     end_to_end_gain : float
         sup |H_1 ... H_N| at each follower's own tau and the realised k; NaN where w is unknown.
     """
@@ -120,6 +121,16 @@ class Verdict:
         return self.string_stable and not self.void
 
     @property
+    def apart(self) -> str:
+        """What statements about every run leave out, after a comma; empty where nothing."""
+        return ", what voids the certificate apart" if self.void else ""
+
+    @property
+    def of_law(self) -> str:
+        """Of which law answers are, after a comma, where it is not everybody's; else empty."""
+        return ", of the law of headway and gains" if self.another_law else ""
+
+    @property
     def afterwards(self) -> str:
         """From when on it holds again, and of what; empty where it never was void or stays so."""
         if self.holds_from is None:
@@ -156,8 +167,11 @@ class Verdict:
             equal_lags=self.equal_lags,
             alone=self.alone,
         )
-        nothing = said.startswith("nothing")
-        return said if nothing else f"{said}{self.bases.if_so}{self.bases.apart}"
+        if self.another_law:
+            return "nothing is guaranteed: not every vehicle follows the law of headway and gains"
+        if said.startswith("nothing"):
+            return said
+        return f"{'by design, void for this run: ' * bool(self.void)}{said}{self.bases.if_so}"
 
     @property
     def guarantees(self) -> tuple[Guarantee, ...]:
@@ -281,9 +295,9 @@ def _decide(follower: Follower, step: float) -> FollowerVerdict:
 
 
 def _weakest(scenario: Scenario, verdicts: list[FollowerVerdict]) -> FollowerVerdict:
-    def weakness(one: FollowerVerdict) -> tuple[bool, bool, float, float, float]:
-        loss = scenario.follower(one.follower).v2v.loss
-        return not one.string_stable, one.decided, one.l2_gain, loss, -min(one.margins)
+    def weakness(one: FollowerVerdict) -> tuple[bool, bool, bool, float, float, float]:
+        loss, sampled = scenario.follower(one.follower).v2v.loss, one.lost_with_packets
+        return not one.string_stable, one.decided, sampled, one.l2_gain, loss, -min(one.margins)
 
     return max(verdicts, key=weakness)
 

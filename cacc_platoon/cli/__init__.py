@@ -17,7 +17,23 @@ from cacc_platoon.cli.exit_codes import BAD_INPUT, FAILED, INTERRUPTED
 from cacc_platoon.errors import UserError, one_line
 from cacc_platoon.stop_signal import EndedError, ended_by
 
-VERBS = ("design", "run", "simulate", "report", "replay", "layout", "paper", "parameters", "doctor")
+VERBS = (
+    "design",
+    "run",
+    "host",
+    "simulate",
+    "report",
+    "merge",
+    "control",
+    "replay",
+    "watch",
+    "layout",
+    "paper",
+    "campaign",
+    "policy",
+    "parameters",
+    "doctor",
+)
 _OF_A_PATH = (
     errno.ENOENT,
     errno.ENOTDIR,

@@ -44,6 +44,20 @@ def give_up_output() -> None:
 
 
 @contextlib.contextmanager
+def answers_apart() -> Iterator[TextIO]:
+    """Yield standard output; within, what libraries print there goes to standard error."""
+    errors, encoding = "backslashreplace", sys.stdout.encoding
+    sys.stdout.flush()
+    answers = os.fdopen(os.dup(1), "w", encoding=encoding, errors=errors)
+    with answers, libraries_on_stderr():
+        try:
+            yield answers
+        except BrokenPipeError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), answers.fileno())
+            raise
+
+
+@contextlib.contextmanager
 def libraries_on_stderr() -> Iterator[None]:
     """Within, what libraries and new processes print on standard output goes to standard error.
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import contextlib
 import sys
 import time
-from collections.abc import Callable
-from typing import Self, TextIO
+from collections.abc import Callable, Sequence
+from typing import Any, Self, TextIO
 
 _INTERVAL, _LOG_INTERVAL = 0.1, 3.0
 
@@ -49,6 +49,10 @@ class Progress:
         self._shown_at = now
         share = f"{100 * min(done, total) // total:3d} %" if total > 0 else f"{done}"
         self.show(f"{what} {share}{self._pace(done, total, now - self._began_at)}")
+
+    def nodes(self) -> Sequence[Any]:
+        """Make the nodes that it needs in a process that runs a platoon."""
+        return ()
 
     def show(self, text: str) -> None:
         """Show one line."""

@@ -15,7 +15,14 @@ from cacc_platoon.errors import UserError
 
 RMW_VARIABLES = ("RMW_IMPLEMENTATION", "RCL_ASSERT_RMW_ID_MATCHES")
 USUAL_RMW = "rmw_fastrtps_cpp"
-ROS_MODULES = ("rclpy", "rcl_interfaces", "std_msgs", "geometry_msgs")
+ROS_MODULES = (
+    "rclpy",
+    "rcl_interfaces",
+    "rosgraph_msgs",
+    "std_msgs",
+    "std_srvs",
+    "geometry_msgs",
+)
 
 
 def require_ros(verb: str, without_ros: str) -> None:
@@ -67,11 +74,11 @@ def rmw_fault() -> str:
     )
 
 
-def prepare_nodes() -> None:
+def prepare_nodes(processes: int = 1) -> None:
     """Begin to load what hosts need.
 
-    Processes of hosts begin with the environment as it is now. DDS stays on this machine unless
-    the environment says otherwise.
+    Processes of hosts, so many, begin with the environment as it is now. DDS stays on this machine
+    unless the environment says otherwise.
 
     Raises
     ------
@@ -80,10 +87,21 @@ def prepare_nodes() -> None:
     """
     from cacc_platoon.supervision import launcher  # noqa: PLC0415  (needs ROS)
 
-    for line in set_up(os.environ):
-        say(f"warning: {line}")
+    set_up_dds(processes)
     with libraries_on_stderr():
         launcher.prepare()
+
+
+def set_up_dds(processes: int = 1) -> None:
+    """Let processes, so many, take part in DDS on this machine, unless the environment says more.
+
+    Raises
+    ------
+    UserError
+        When DDS cannot start in this environment.
+    """
+    for line in set_up(os.environ, processes):
+        say(f"warning: {line}")
 
 
 def add_verbose_argument(parser: argparse.ArgumentParser) -> None:

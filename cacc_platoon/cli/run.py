@@ -6,6 +6,8 @@ The run folder then holds the bag, the resolved scenario, run.json, metrics.json
 from __future__ import annotations
 
 import argparse
+import os
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,6 +22,8 @@ from cacc_platoon.cli.ros import (
     prepare_nodes,
     require_ros,
 )
+from cacc_platoon.dds.environment import RANGE, is_local
+from cacc_platoon.live.screen import is_screen
 from cacc_platoon.runs.folder import default_run_folder
 from cacc_platoon.runs.recorded_leader import with_recorded_leader
 from cacc_platoon.scenario import Scenario
@@ -36,6 +40,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_scenario_arguments(parser)
     parser.add_argument(
         "--no-report", action="store_true", help="only record; platoon report judges later"
+    )
+    parser.add_argument(
+        "--no-view",
+        action="store_true",
+        help="on a terminal, show one line of progress and no vehicles",
     )
     add_verdict_arguments(parser)
     add_verbose_argument(parser)
@@ -97,18 +106,24 @@ def run_and_judge(
     given = output or (Path(scenario.record.directory) if scenario.record.directory else None)
     folder = given or default_run_folder(scenario)
     require_ros("run", "platoon simulate runs the same scenario")
-    prepare_nodes()
+    from cacc_platoon.supervision.host_plan import divide  # noqa: PLC0415  (needs ROS)
+
+    prepare_nodes(len(divide(scenario, cores=len(os.sched_getaffinity(0)))))
     with libraries_on_stderr():
         from cacc_platoon.supervision.platoon_run import run_platoon  # noqa: PLC0415
 
         warn_before(scenario)
+        if scenario.run.remote_hosts and is_local(os.environ):
+            say(f"warning: hosts are met on this machine alone. Set {RANGE}=SUBNET for others.")
         if options.verbose:
             log_everything()
         if stop.received():
             say("interrupted")
             return stop.exit_code
-        with progress_of(scenario.run.step, shown=not options.verbose) as progress:
-            outcome = run_platoon(scenario, folder, progress, stop.received, stop.insisted)
+        with _progress(scenario, options, progress_of) as progress:
+            outcome = run_platoon(
+                scenario, folder, progress, stop.received, stop.insisted, beside=progress.nodes
+            )
     code = FAILED
     try:
         code = _judge(outcome, folder, stop, options, progress_of)
@@ -119,6 +134,19 @@ def run_and_judge(
         with libraries_on_stderr():
             outcome.leave(code)
     return code
+
+
+def _progress(
+    scenario: Scenario, options: argparse.Namespace, progress_of: Callable[..., Progress]
+) -> Progress:
+    """Return what shows the progress of a run: its vehicles, where there is a terminal."""
+    shown = not options.verbose
+    live = shown and progress_of is ProgressLine and not options.no_view
+    if live and is_screen(sys.stderr, os.environ):
+        from cacc_platoon.cli.live_progress import LiveProgress  # noqa: PLC0415  (needs ROS)
+
+        return LiveProgress(scenario)
+    return progress_of(scenario.run.step, shown=shown)
 
 
 def _judge(

@@ -6,10 +6,11 @@ ROS_AUTOMATIC_DISCOVERY_RANGE to SUBNET opens them to the network, as it does fo
 
 from __future__ import annotations
 
+import contextlib
 import socket
 import subprocess
 import sys
-from collections.abc import Mapping, MutableMapping
+from collections.abc import Iterator, Mapping, MutableMapping
 from pathlib import Path
 
 from cacc_platoon.dds import profile, shared_memory
@@ -26,13 +27,23 @@ TRANSPORTS = "FASTDDS_BUILTIN_TRANSPORTS"
 PROFILE_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 FAST_DDS = ("", "rmw_fastrtps_cpp", "rmw_fastrtps_dynamic_cpp")
 
+MOST_IN_SHARED_MEMORY = 32
+"""Processes: more get into each other's way there, and start later than over UDP, or never."""
+
 _PAGES = 64 * 2**10
 _PROFILE_DECIDES = "SYSTEM_DEFAULT"
 """The only range at which rmw_fastrtps adds no transport that receives on every interface."""
 
 
-def set_up(environment: MutableMapping[str, str]) -> list[str]:
+def set_up(environment: MutableMapping[str, str], processes: int = 1) -> list[str]:
     """Check and complete an environment before DDS starts; return what the user should know.
+
+    Parameters
+    ----------
+    environment : mutable mapping of str to str
+        The environment.
+    processes : int, optional
+        How many will be started in it.
 
     Raises
     ------
@@ -43,6 +54,9 @@ def set_up(environment: MutableMapping[str, str]) -> list[str]:
     _check_range(environment)
     _check_profiles(environment)
     environment[SKIP_WORKING_FOLDER] = "1"
+    if processes > MOST_IN_SHARED_MEMORY and _arranged_by_us(environment):
+        environment[TRANSPORTS] = "UDPv4"
+        environment[PROFILE_VARIABLES[0]] = str(profile.LOOPBACK_MANY)
     prefer_local(environment)
     if is_local(environment):
         _check_loopback()
@@ -90,15 +104,33 @@ def prefer_local(environment: MutableMapping[str, str]) -> None:
         del environment["ROS_LOCALHOST_ONLY"]
         environment[RANGE] = LOCALHOST
     udp = environment.get(TRANSPORTS) == "UDPv4" or not _shared_memory_suffices()
+    many = profile.is_for_many(environment.get(PROFILE_VARIABLES[0], ""))
     if is_local(environment):
         environment[RANGE] = _PROFILE_DECIDES
         chosen = profile.LOOPBACK_UDP if udp else profile.LOOPBACK
+        chosen = profile.LOOPBACK_MANY if many else chosen
     else:
         chosen = profile.OPEN
         if udp:
             environment[TRANSPORTS] = "UDPv4"
     made = profile.made_for(chosen, domain_of(environment))
     environment[PROFILE_VARIABLES[0]] = str(made)
+
+
+@contextlib.contextmanager
+def over_udp_alone(environment: MutableMapping[str, str]) -> Iterator[None]:
+    """Within, participants that are made in this environment use no shared memory.
+
+    They need no ports there, which other processes that begin and end can remove.
+    """
+    before = environment.get(TRANSPORTS)
+    environment[TRANSPORTS] = "UDPv4"
+    try:
+        yield
+    finally:
+        del environment[TRANSPORTS]
+        if before is not None:
+            environment[TRANSPORTS] = before
 
 
 def is_local(environment: Mapping[str, str]) -> bool:

@@ -23,7 +23,8 @@ _FOLDER = Path(__file__).parent
 OPEN = _FOLDER / "open.xml"
 LOOPBACK = _FOLDER / "loopback.xml"
 LOOPBACK_UDP = _FOLDER / "loopback_udp.xml"
-_LOCAL = (LOOPBACK, LOOPBACK_UDP)
+LOOPBACK_MANY = _FOLDER / "loopback_many.xml"
+_LOCAL = (LOOPBACK, LOOPBACK_UDP, LOOPBACK_MANY)
 _BEGIN = "    <rtps>\n"
 
 
@@ -55,6 +56,11 @@ def is_ours(path: str) -> bool:
 def is_local(path: str) -> bool:
     """Return whether a file is a profile of ours that stays on this machine."""
     return _is_of(_LOCAL, path)
+
+
+def is_for_many(path: str) -> bool:
+    """Return whether a file is the profile of ours for many processes."""
+    return _is_of((LOOPBACK_MANY,), path)
 
 
 def _is_of(profiles: tuple[Path, ...], path: str) -> bool:

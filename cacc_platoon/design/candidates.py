@@ -12,7 +12,7 @@ import numpy as np
 from cacc_platoon.model.control import Gains
 from cacc_platoon.theory.joint_loop import joint_headroom
 from cacc_platoon.theory.latency import latency_headroom
-from cacc_platoon.theory.multirate import estimated_growth
+from cacc_platoon.theory.multirate import GROWS, estimated_growth
 from cacc_platoon.theory.noise_interval import effective_interval
 from cacc_platoon.theory.region import exact_region, minimum_headway
 from cacc_platoon.theory.sampled import sampled_stability_map
@@ -139,7 +139,7 @@ class Estimates(NamedTuple):
         grid = low * (high / low) ** np.linspace(0.0, 1.0, count)
         load = 2.0 * self.tau_max * (v + h * p) - 1.0
         dips = np.sqrt(np.maximum(load + self._ends(c).T ** 2, 0.0) / 2.0) / self.tau_max
-        around = np.clip((dips[:, :, np.newaxis] * _DIP).reshape(len(c), -1), low, high)
+        around = np.clip((dips[:, :, np.newaxis] * _DIP).reshape(len(c), 2 * _DIP.size), low, high)
         return np.sort(np.concatenate((grid, around), axis=1), axis=1)
 
     def latency_margin(self, c: Candidates) -> Float:
@@ -155,30 +155,32 @@ class Estimates(NamedTuple):
     def joint_latency_margin(self, c: Candidates, period: float | Float) -> Float:
         """Latency margins [s] of the sampled loop; 0 where it is not stable without latency."""
         periods = np.broadcast_to(np.asarray(period, dtype=float), len(c))
-        parts = [
-            self._joint_latency_margin(c.pick(part), periods[part])
-            for part in np.split(np.arange(len(c)), np.arange(_CHUNK, len(c), _CHUNK))
-        ]
-        return np.concatenate(parts)
+        found = np.zeros(len(c))
+        for part in np.split(np.arange(len(c)), np.arange(_CHUNK, len(c), _CHUNK)):
+            kept = part[self._sampled_stable(c.pick(part), periods[part])]
+            found[kept] = self._delay_borne(c.pick(kept), periods[kept])
+        return found
 
-    def _joint_latency_margin(self, c: Candidates, periods: Float) -> Float:
+    def _sampled_stable(self, c: Candidates, periods: Float) -> NDArray[np.bool_]:
         lag = (self.tau_max * _LAGS)[:, np.newaxis, np.newaxis]
-        ends = self._ends(c)
         stable = sampled_stability_map(
-            c.time_headway, c.k_v, c.k_p, lag, ends, period=periods, held=self.held
-        ).all(axis=(0, 1))
+            c.time_headway, c.k_v, c.k_p, lag, self._ends(c), period=periods, held=self.held
+        )
+        return np.asarray(stable.all(axis=(0, 1)), dtype=np.bool_)
+
+    def _delay_borne(self, c: Candidates, periods: Float) -> Float:
         h, v, p = (x[:, np.newaxis] for x in (c.time_headway, c.k_v, c.k_p))
         delay = joint_headroom(
             h,
             v,
             p,
             (self.tau_max * _LATE_LAGS)[:, np.newaxis, np.newaxis, np.newaxis],
-            ends[:, :, np.newaxis],
+            self._ends(c)[:, :, np.newaxis],
             period=periods[:, np.newaxis],
             omega=self._frequencies(c, 32, np.pi / periods),
             held=self.held,
         )
-        return np.where(stable, _least(delay).min(axis=(0, 1)), 0.0)
+        return np.asarray(_least(delay).min(axis=(0, 1)), dtype=np.float64)
 
     def critical_period(self, c: Candidates, margin: Float, latency: float, known: float) -> Float:
         """Estimate critical periods [s] above `known`, at which the joint `margin` is given.
@@ -195,24 +197,32 @@ class Estimates(NamedTuple):
             trial = np.sqrt(low * high)
         return trial
 
-    def v2v_growth(self, c: Candidates, period: float, interval: int, latency: float) -> Float:
-        """Largest growth per hop with a packet every `interval` control periods, per design."""
-        found = [np.zeros(0)]
-        for start in range(0, len(c), _CHUNK):
-            part = Candidates(*(column[start : start + _CHUNK] for column in c))
+    def bears_packets(
+        self, c: Candidates, period: float, interval: int, latency: float
+    ) -> NDArray[np.bool_]:
+        """Say which designs do not grow with a packet every `interval` control periods.
+
+        The largest lag comes first, since most that grow do so there.
+        """
+        found = np.zeros(len(c), np.bool_)
+        for left in np.split(np.arange(len(c)), np.arange(_CHUNK, len(c), _CHUNK)):
+            part = c.pick(left)
             angle = self._frequencies(part, 32, np.pi / (period * interval)) * period * interval
-            growth = estimated_growth(
-                tuple(column[:, np.newaxis] for column in part),
-                (self.tau_max * _LATE_LAGS)[:, np.newaxis, np.newaxis, np.newaxis],
-                self._ends(part)[:, :, np.newaxis],
-                angle,
-                period=period,
-                interval=interval,
-                latency=latency,
-                held=self.held,
-            )
-            found.append(growth.max(axis=(0, 1, 3)))
-        return np.concatenate(found)
+            good = np.arange(len(part))
+            for lag in self.tau_max * _LATE_LAGS[::-1]:
+                growth = estimated_growth(
+                    tuple(column[:, np.newaxis] for column in part.pick(good)),
+                    lag,
+                    self._ends(part)[:, good, np.newaxis],
+                    angle[good],
+                    period=period,
+                    interval=interval,
+                    latency=latency,
+                    held=self.held,
+                )
+                good = good[growth.max(axis=(0, 2)) <= GROWS]
+            found[left[good]] = True
+        return found
 
     def modes(self, c: Candidates, lag: float) -> NDArray[np.complex128]:
         """Poles [1/s] at a lag [s], shape (n, 3)."""

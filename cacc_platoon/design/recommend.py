@@ -23,7 +23,6 @@ from cacc_platoon.design.requirements import (
     paper_design,
 )
 from cacc_platoon.theory.errors import require
-from cacc_platoon.theory.exact import TOLERANCE
 from cacc_platoon.theory.lifted_hop import MOST_INTERVAL, packet_interval
 from cacc_platoon.theory.noise_interval import k_a_max
 from cacc_platoon.theory.region import minimum_headway
@@ -87,9 +86,10 @@ def recommend(
     keep = pareto_front(costs)
     front_candidates, costs = feasible.pick(keep), costs[keep]
     shown = spread_out(costs, FRONT_SIZE)
-    front = [assess(front_candidates.gains(int(i)), rho, tau_max, ask) for i in shown]
-    short = _refine_shortest(feasible, estimates, ask)
-    front = [design for design in (*front, assess(short, rho, tau_max, ask)) if not design.unmet]
+    chosen = [front_candidates.gains(int(i)) for i in shown]
+    chosen.append(_refine_shortest(feasible, estimates, ask))
+    certified = (ask.certify(gains, rho, tau_max) for gains in chosen)
+    front = [Design("", certificate) for certificate in certified if ask.meets(certificate)]
     require(
         bool(front),
         "no candidate met the requirements when certified exactly: they are at the limit of what "
@@ -126,7 +126,7 @@ def _filter(
             f"max_headway = {ask.max_headway} s leaves no robust region that can be sampled: it is "
             "too close to the exact minimum, where k_p has no upper limit. Raise max_headway.",
         )
-    for name, shown, unit, limit, measure in _demands(estimates, ask):
+    for name, shown, unit, limit, measure in _demands(estimates, ask, explain=explain):
         if not len(c):
             break
         cost = measure(c)
@@ -143,14 +143,17 @@ def _filter(
 
 
 def _demands(
-    estimates: Estimates, ask: Requirements
+    estimates: Estimates, ask: Requirements, *, explain: bool
 ) -> list[tuple[str, float, str, float, Callable[[Candidates], NDArray[np.float64]]]]:
-    """List each requirement: name, value, unit, and the upper limit on which measure it means."""
+    """List each requirement: name, value, unit, and the upper limit on which measure it means.
+
+    How far out of reach one is that no design meets is looked for to `explain` it.
+    """
 
     def lost_period(c: Candidates) -> NDArray[np.float64]:
         """Negative of the longest period among period, period/2, ... that a design bears."""
         period = _SAFETY * ask.period
-        for _ in range(20):
+        for _ in range(20 if explain else 1):
             margin = estimates.joint_latency_margin(c, period)
             good = margin >= _SAFETY * (ask.latency + period)
             if good.any():
@@ -165,7 +168,7 @@ def _demands(
             good = _bears_packets(c, estimates, ask, interval)
             if good.any():
                 return np.where(good, -round(interval * ask.period, 12), 0.0)
-            interval //= 2
+            interval = interval // 2 if explain else 0
         return np.zeros(len(c))
 
     late = ask.latency_margin
@@ -187,8 +190,7 @@ def _demands(
 def _bears_packets(
     c: Candidates, estimates: Estimates, ask: Requirements, interval: int
 ) -> NDArray[np.bool_]:
-    growth = estimates.v2v_growth(c, ask.period, interval, ask.latency)
-    return np.asarray(growth <= 1.0 + TOLERANCE, dtype=np.bool_)
+    return estimates.bears_packets(c, ask.period, interval, ask.latency)
 
 
 def _critical_interval(
@@ -243,9 +245,11 @@ def _refine_shortest(feasible: Candidates, estimates: Estimates, ask: Requiremen
             tau_max=tau_max,
             reception=estimates.reception,
         )
-        near = _filter(near, estimates, ask)
-        if len(near) and float(np.min(near.time_headway)) <= best.time_headway:
-            best = near.gains(int(np.argmin(near.time_headway)))
+        for headway in np.unique(near.time_headway):  # the shortest that will do is enough
+            good = _filter(near.pick(near.time_headway == headway), estimates, ask)
+            if len(good):
+                best = good.gains(0)
+                break
         width *= 0.6
     return best
 

@@ -26,7 +26,6 @@ from cacc_platoon.theory.worst_braking import SHARES, worst_spacing
 
 __all__ = ["Design", "Recommendation", "Requirements", "assess", "paper_design"]
 
-
 _FOLLOWERS = 12
 
 
@@ -169,9 +168,13 @@ class Requirements:
                 missed.append(f"{text} {value:.6g}{unit} is above {limit:.6g}{unit}")
         return tuple(missed)
 
+    def meets(self, certificate: Certificate) -> bool:
+        """Whether `unmet` has nothing to say, without asking how much packets make grow."""
+        return certificate.bears_v2v_period and not self.unmet(certificate)
+
     def _missed_rate(self, certificate: Certificate) -> list[str]:
-        grown = certificate.v2v_growth
-        if grown is None or grown.growth <= 1:
+        grown = None if certificate.bears_v2v_period else certificate.v2v_growth
+        if grown is None:
             return []
         late = f" that comes {self.latency:g} s late" if self.latency else ""
         critical = certificate.critical_v2v_period
@@ -277,7 +280,7 @@ class Requirements:
             require(
                 value is None or value > limit,
                 f"{name} = {value} s is not above {limit:.6g} s = {rule}: spacing errors grow "
-                f"along the platoon for every choice of gains. Raise {name}, lower tau_max or "
+                f"along a platoon for every choice of gains. Raise {name}, lower tau_max or "
                 "raise rho.",
             )
 
@@ -317,11 +320,11 @@ class Design:
         one = self.certificate
         rate = () if one.v2v_period is None else (-one.critical_v2v_period,)
         return (
-            self.gains.time_headway,
-            -self.certificate.joint_latency_margin,
-            -self.certificate.joint_critical_period,
-            self.certificate.linf_gain,
-            self.certificate.slowest_time_constant,
+            one.gains.time_headway,
+            -one.joint_latency_margin,
+            -one.joint_critical_period,
+            one.linf_gain,
+            one.slowest_time_constant,
             *rate,
         )
 

@@ -9,7 +9,6 @@ from itertools import pairwise
 import numpy as np
 
 from cacc_platoon.analysis.age import link_ages
-from cacc_platoon.analysis.fallback import reception_state
 from cacc_platoon.analysis.link_packets import packets_over_time
 from cacc_platoon.analysis.monitor import MonitorUse
 from cacc_platoon.analysis.noise import LinkNoise, noise_factor
@@ -26,6 +25,7 @@ from cacc_platoon.figures.style import (
 )
 from cacc_platoon.model import Link, ReceptionState, factor_interval
 from cacc_platoon.simulation import Trajectory
+from cacc_platoon.simulation.course import reception_state
 from cacc_platoon.simulation.trajectory import Array
 
 _BESIDE = 0.2

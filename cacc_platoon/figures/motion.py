@@ -11,6 +11,7 @@ from cacc_platoon.figures.style import (
     FAINT,
     GREY,
     ORANGE,
+    RED,
     Axes,
     reduce,
     spread,
@@ -23,6 +24,7 @@ MOST_LINES = 25
 """More vehicles than this are thinned out evenly; the first and the last stay."""
 
 _MOST_TICKS = 7
+_ON_TIME = 1e-4  # control periods: less is drawn as this, since decades have no zero
 
 
 def plot_spacing_errors(axes: Axes, run: Trajectory) -> None:
@@ -98,6 +100,16 @@ def plot_platoon_length(axes: Axes, runs: dict[str, Trajectory]) -> None:
     axes.set_xlabel("time [s]")
     axes.set_ylabel("platoon length $x_0 - x_N$ [m]")
     axes.legend()
+
+
+def plot_lateness(axes: Axes, run: Trajectory) -> None:
+    """Draw how late each follower took its samples [control periods], on a scale of decades."""
+    assert run.timing is not None
+    late = np.maximum(run.timing.lateness, _ON_TIME)
+    plot_per_vehicle(axes, run.time, late, run.scenario.indices)
+    axes.axhline(1.0, color=RED, linestyle="--", linewidth=1.0)
+    axes.set_yscale("log")
+    axes.set_ylabel("lateness [control periods]")
 
 
 def plot_per_vehicle(axes: Axes, time: Array, values: Array, vehicles: range) -> None:

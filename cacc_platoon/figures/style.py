@@ -87,9 +87,11 @@ def draw_svg(
     height : float, optional
         Height [inch]; the width of one column is `WIDTH`.
     """
+    from matplotlib.backends.backend_svg import FigureCanvasSVG  # noqa: PLC0415
+
     buffer = io.StringIO()
     with styled(name):
-        _figure(draw, rows, height, columns).savefig(buffer, format="svg")
+        FigureCanvasSVG(_figure(draw, rows, height, columns)).print_svg(buffer)
     return _inline(buffer.getvalue(), name)
 
 
@@ -97,19 +99,21 @@ def draw_png(
     name: str, draw: Callable[..., None], rows: int = 1, height: float = 3.1, columns: int = 1
 ) -> bytes:
     """Return the figure that `draw_svg` returns, as PNG."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415
+
     buffer = io.BytesIO()
     with styled(name):
         figure = _figure(draw, rows, height, columns)
-        figure.savefig(buffer, format="png", dpi=PIXELS_PER_INCH)
+        figure.dpi = PIXELS_PER_INCH
+        FigureCanvasAgg(figure).print_png(buffer)
     return buffer.getvalue()
 
 
 def _figure(draw: Callable[..., None], rows: int, height: float, columns: int) -> Any:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415
+    """Return a figure to be printed by a canvas: `savefig` would draw all of it twice."""
     from matplotlib.figure import Figure  # noqa: PLC0415
 
     figure = Figure(figsize=(WIDTH * columns, height))
-    FigureCanvasAgg(figure)
     draw(*figure.subplots(rows, columns, squeeze=False).flat)
     return figure
 

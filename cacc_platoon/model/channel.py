@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import Any, NamedTuple, Protocol
@@ -242,7 +243,14 @@ class PacketSource(Protocol):
         ...
 
     def deliver(self, sample: int, position: float, velocity: float) -> list[Packet]:
-        """Return the packets delivered at a sample, at which the sender moves so; asked in turn."""
+        """Return the packets delivered at a sample, at which the sender moves so.
+
+        Asked in turn, but not of the samples that `quiet_until` leaves out.
+        """
+        ...
+
+    def quiet_until(self, sample: int) -> int:
+        """Return the last sample, from one on, up to which nothing happens, however it moves."""
         ...
 
 
@@ -262,15 +270,35 @@ class ChannelSource:
     def __init__(self, channel: Channel, samples: int, start: int = 0) -> None:
         self.prompt, *_ = promise = promise_of(channel)
         self.memory = promise.memory
-        self._packets = packets_by_sample(channel, samples, start)
+        self._channel, self._samples, self._stop = channel, samples, start
+        self._due: deque[tuple[int, list[Packet]]] = deque()
 
-    def deliver(self, _sample: int, _position: float, _velocity: float) -> list[Packet]:
-        """Return the packets delivered at the next sample."""
-        return next(self._packets, [])
+    def deliver(self, sample: int, _position: float, _velocity: float) -> list[Packet]:
+        """Return the packets delivered at a sample."""
+        if sample >= self._stop:
+            self._ask()
+        if self._due and self._due[0][0] == sample:
+            return self._due.popleft()[1]
+        return []
+
+    def quiet_until(self, sample: int) -> int:
+        """Return the last sample, from one on, up to which nothing is delivered."""
+        return max(sample, (self._due[0][0] if self._due else self._stop) - 1)
+
+    def _ask(self) -> None:
+        """Ask for the next block of samples."""
+        first, self._stop = self._stop, min(self._stop + BLOCK, self._samples)
+        if first < self._stop:
+            delivery = checked_delivery(self._channel, first, self._stop)
+            packets = delivery.packets()
+            samples, begins = np.unique(delivery.sample, return_index=True)
+            ends = [*begins.tolist(), len(packets)]
+            for sample, (begin, end) in zip(samples.tolist(), pairwise(ends), strict=True):
+                self._due.append((sample, packets[begin:end]))
 
 
-def packets_by_sample(channel: Channel, samples: int, start: int = 0) -> Iterator[list[Packet]]:
-    """Yield the packets delivered at each sample of a run, from `start` on.
+def packets_by_sample(channel: Channel, samples: int) -> Iterator[list[Packet]]:
+    """Yield the packets delivered at each sample of a run.
 
     The channel is asked for a block at a time, and held to what it promises.
 
@@ -280,10 +308,6 @@ def packets_by_sample(channel: Channel, samples: int, start: int = 0) -> Iterato
     ...     for now in packets_by_sample(ComposedChannel([]), samples=2)]
     [[(0, 0)], [(1, 1)]]
     """
-    for first in range(start, samples, BLOCK):
-        stop = min(first + BLOCK, samples)
-        delivery = checked_delivery(channel, first, stop)
-        packets = delivery.packets()
-        ends = np.searchsorted(delivery.sample, np.arange(first, stop + 1)).tolist()
-        for begin, end in pairwise(ends):
-            yield packets[begin:end]
+    source = ChannelSource(channel, samples)
+    for sample in range(samples):
+        yield source.deliver(sample, 0.0, 0.0)

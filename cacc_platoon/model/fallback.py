@@ -22,6 +22,19 @@ class ReceptionState(IntEnum):
     FALLBACK = 2
     RECOVERING = 3
 
+    @classmethod
+    def of_share(cls, before: float, share: float) -> ReceptionState:
+        """Return the state that a share of the control law, and the one before it, belong to.
+
+        Examples
+        --------
+        >>> ReceptionState.of_share(0.5, 0.25).name, ReceptionState.of_share(0.0, 0.25).name
+        ('DEGRADING', 'RECOVERING')
+        """
+        if share in (0.0, 1.0):
+            return cls.NORMAL if share else cls.FALLBACK
+        return cls.RECOVERING if share > before else cls.DEGRADING
+
 
 def gains_without_v2v(tau_max: float, time_headway: float) -> Gains:
     """Return gains that need no V2V and are string stable for every lag up to `tau_max`.

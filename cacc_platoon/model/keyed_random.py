@@ -11,7 +11,7 @@ STREAM_VERSION = 1
 BLOCK = 8192
 """Draws per keyed block; part of a stream's definition together with STREAM_VERSION."""
 
-LOSS, PHASE, BURST, DELAY, ERROR, RANGE, RANGE_RATE = range(1, 8)
+LOSS, PHASE, BURST, DELAY, ERROR, RANGE, RANGE_RATE, CLOCK = range(1, 9)
 """Purposes of streams beside the noise factor's, which has none; part of their keys."""
 
 LARGEST_NORMAL = 6.0

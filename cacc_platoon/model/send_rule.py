@@ -27,7 +27,11 @@ class SendRule(Protocol):
     """Says at which samples a sender sends, by how it moves."""
 
     def sends(self, sample: int, position: float, velocity: float) -> bool:
-        """Return whether it sends a packet at a sample; asked for each from 0 on."""
+        """Return whether it sends a packet at a sample; asked for each at which it may."""
+        ...
+
+    def next_check(self, sample: int) -> int:
+        """Return the first sample after one at which it may send, however the sender moves."""
         ...
 
 
@@ -64,6 +68,13 @@ class CamRule:
         self._sample, self._position, self._velocity = -1, 0.0, 0.0
         self._interval, self._kept = self._most, 0
 
+    def next_check(self, sample: int) -> int:
+        """Return the first sample after one at which a message may be sent."""
+        first = sample + 1
+        if self._sample >= 0:
+            first = max(first, self._sample + self._least)
+        return self._phase + max(0, -(-(first - self._phase) // self._check)) * self._check
+
     def sends(self, sample: int, position: float, velocity: float) -> bool:
         """Return whether a message is sent at a sample."""
         if sample < self._phase or (sample - self._phase) % self._check:
@@ -85,7 +96,7 @@ class CamRule:
 
 
 class TriggeredChannel:
-    """Packets that a rule sends, and what happens to them; asked for sample after sample.
+    """Packets that a rule sends, and what happens to them; asked in turn, not of quiet samples.
 
     Parameters
     ----------
@@ -93,12 +104,24 @@ class TriggeredChannel:
         When they are sent.
     channel : ComposedChannel
         What happens to them; its send times do not count.
+    in_order : bool, optional
+        Whether each waits for those that were sent before it and arrive.
+
+    Examples
+    --------
+    >>> from cacc_platoon.model import RandomLatency
+    >>> late = ComposedChannel([RandomLatency([0.0] * 20 + [0.02] * 50, seed=1, link=1)])
+    >>> channel = TriggeredChannel(CamRule(step=0.01, check=10), late, in_order=True)
+    >>> arrived = [channel.deliver(k, 0.5 * k, 50.0) for k in range(100)]
+    >>> [packet.source for packets in arrived for packet in packets]
+    [0, 10, 20, 30, 40]
     """
 
     prompt = False
 
-    def __init__(self, rule: SendRule, channel: ComposedChannel) -> None:
-        self._rule, self._channel = rule, channel
+    def __init__(self, rule: SendRule, channel: ComposedChannel, *, in_order: bool = False) -> None:
+        self._rule, self._channel, self._in_order = rule, channel, in_order
+        self._latest = 0
         self.memory = channel.longest_delay + channel.oldest_content
         self._number = 0
         self._due: defaultdict[int, list[Packet]] = defaultdict(list)
@@ -113,17 +136,24 @@ class TriggeredChannel:
             self._send(sample)
         return self._due.pop(sample, [])
 
+    def quiet_until(self, sample: int) -> int:
+        """Return the last sample, from one on, up to which nothing is sent or delivered."""
+        return min([self._rule.next_check(sample), *self._due]) - 1
+
     def _send(self, sample: int) -> None:
         sent = Packets.sent(np.array([self._number]), np.array([sample]))
         self._number += 1
         packets = self._channel.impaired(sent)
         if packets.arrives[0]:
+            at = sample + int(packets.delay[0])
+            if self._in_order:
+                at = self._latest = max(at, self._latest)
             delivery = Delivery(
                 packets.source,
-                sample + packets.delay,
+                np.array([at]),
                 packets.factor,
                 packets.offset,
                 packets.content,
                 self._channel.lattice,
             )
-            self._due[int(delivery.sample[0])] += delivery.packets()
+            self._due[at] += delivery.packets()

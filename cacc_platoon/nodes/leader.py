@@ -8,17 +8,28 @@ from std_msgs.msg import Int64
 
 from cacc_platoon.nodes import qos
 from cacc_platoon.nodes.node import PlatoonNode
+from cacc_platoon.runs.past import Past
 from cacc_platoon.scenario import Scenario
+from cacc_platoon.stepping.wall import WallLeader
 from msg_adapters.topics import PlatoonTopics
 
 
 class LeaderNode(PlatoonNode):
     """The leader; see `PlatoonNode` for its arguments."""
 
-    def __init__(self, scenario: Scenario | None = None, index: int | None = None) -> None:
-        super().__init__("leader", ("platoon", "leader", "run"), scenario, index)
+    def __init__(
+        self,
+        scenario: Scenario | None = None,
+        index: int | None = None,
+        *,
+        past: Past | None = None,
+    ) -> None:
+        super().__init__("leader", ("platoon", "leader", "run"), scenario, index, past)
         steppers = dataclasses.replace(self.steppers, scenario=_with_motion(self.scenario))
         stepper = steppers.leader(self.create_motion_stream())
+        self.keep_time(stepper)
+        if isinstance(stepper, WallLeader):
+            return
         self.create_subscription(
             Int64,
             PlatoonTopics(self.scenario.platoon.namespace).horizon,

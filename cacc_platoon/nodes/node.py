@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 
 from geometry_msgs.msg import AccelStamped, PoseStamped, TwistStamped, Vector3Stamped
 from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from cacc_platoon.model import State
 from cacc_platoon.nodes import qos, ros_parameters
+from cacc_platoon.runs.past import Past
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.names import NodeKind, NodeName
 from cacc_platoon.scenario.parameter import ScenarioError
@@ -19,9 +22,9 @@ from cacc_platoon.scenario.table import TABLE
 from cacc_platoon.scenario.timeline import Change
 from cacc_platoon.stepping.deliveries import LockstepError
 from cacc_platoon.stepping.lockstep import PublishState
-from cacc_platoon.stepping.stepper import Changing, Steppers
+from cacc_platoon.stepping.stepper import Changing, Clocked, Steppers
 from msg_adapters.stamped import ACCEL, POSE, TWIST, VECTOR, LayoutError
-from msg_adapters.topics import Topic, VehicleTopics
+from msg_adapters.topics import Topic, VehicleTopics, is_packets
 
 MESSAGE_TYPES = {
     POSE.type_name: PoseStamped,
@@ -67,6 +70,7 @@ class PlatoonNode(Node):  # type: ignore[misc]
         groups: tuple[str, ...],
         scenario: Scenario | None = None,
         index: int | None = None,
+        past: Past | None = None,
     ) -> None:
         if scenario is None or index is None:
             super().__init__(name, automatically_declare_parameters_from_overrides=True)
@@ -80,12 +84,58 @@ class PlatoonNode(Node):  # type: ignore[misc]
         self.failures: list[str] = []
         self.events: list[RunEvent] = []
         self.changes = 0
-        self.steppers = Steppers(scenario, lambda: int(self.get_clock().now().nanoseconds))
+        self.steppers = Steppers(scenario, time.monotonic_ns)
+        self._clocked: Clocked | None = None
+        self.past = past
+        self._followed: list[tuple[str, Callable[[bytes], None]]] = []
         self.topics = VehicleTopics(scenario.platoon.namespace, index)
         self.predecessor = VehicleTopics(scenario.platoon.namespace, index - 1)
         own = scenario.overrides.get(index, {})
         changeable = self.changeable if scenario.run.adjustable else ""
         ros_parameters.declare(self, scenario, own, groups, changeable)
+
+    def keep_time(self, stepper: object) -> None:
+        """Let a stepper that needs a clock have one, once the run begins."""
+        if isinstance(stepper, Clocked):
+            self._clocked = stepper
+
+    def begin(self, start: int) -> None:
+        """Let the clock of the vehicle begin, if it has one.
+
+        Parameters
+        ----------
+        start : int
+            The start that all vehicles have in common, by `time.monotonic_ns` of this machine.
+        """
+        if self._clocked is None:
+            return
+        try:
+            self._clocked.begin(start)
+        except LockstepError as error:
+            self.failures.append(str(error))
+            return
+        wait = (self._clocked.wait or 0) / 1e9
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._timer = self.create_timer(wait, self._tick, clock=steady)
+
+    def _tick(self) -> None:
+        """Take the samples that are due; the first failure of the node is noted.
+
+        The timer is set anew each time, for one with a period would keep the phase at which it
+        happened to be made.
+        """
+        assert self._clocked is not None
+        wait = None
+        try:
+            self._clocked.tick()
+            wait = self._clocked.wait
+        except LockstepError as error:
+            self.failures.append(str(error))
+        if wait is None or self.failures:
+            self._timer.cancel()
+            return
+        self._timer.timer_period_ns = wait
+        self._timer.reset()
 
     def let_change(self, steppers: Sequence[Changing], ignores: str) -> None:
         """Let ros2 param set change `changeable` of steppers, where the run is adjustable.
@@ -152,21 +202,99 @@ class PlatoonNode(Node):  # type: ignore[misc]
         def send(stamp: int, x: float, y: float = 0.0) -> None:
             publish(encode(stamp, x, y))
 
-        return send
+        return self._later(topic, send) if self.past else send
 
-    def follow_stream(self, topic: Topic, take: Callable[[int, float], None]) -> None:
-        """Call `take` with stamp [ns] and x of every message of a topic.
+    def _later(self, topic: Topic, send: Callable[..., None]) -> Callable[..., None]:
+        """Return what sends what was not sent before this process was started."""
+        past, packets = self.past, is_packets(topic.name)
+        assert past
+        left = past.count(topic.name)
 
-        The first failure of the node is noted; from then on it is deaf.
+        def send_later(stamp: int, x: float, y: float = 0.0) -> None:
+            nonlocal left
+            if left:
+                left -= 1
+            elif not packets or stamp >= past.live_from:
+                send(stamp, x, y)
+
+        return send_later
+
+    def follow_stream(
+        self,
+        topic: Topic,
+        take: Callable[..., None],
+        *,
+        both: bool = False,
+        best_effort: bool = False,
+    ) -> None:
+        """Call `take` with stamp [ns] and x, or x and y, of every message of a topic.
+
+        With `best_effort` DDS may lose some of them. The first failure of the node is noted; from
+        then on it is deaf.
         """
-        decode, failures = topic.codec.decode, self.failures
+        receive = self._receiver(topic, take, both=both)
+        if self.past:
+            receive = self._recalled(topic, receive)
+        message_type = MESSAGE_TYPES[topic.kind.type_name]
+        profile = qos.stream(self.scenario, best_effort=best_effort)
+        self.create_subscription(message_type, topic.name, receive, profile, raw=True)
+
+    def recall_stream(self, topic: Topic, take: Callable[..., None]) -> None:
+        """Let `resume` call `take` with stamp [ns], x and y of what was recorded of a topic."""
+        self._followed.append((topic.name, self._receiver(topic, take, both=True)))
+
+    def resume(self) -> None:
+        """Work through what was recorded before this process was started."""
+        for name, receive in self._followed:
+            for data in self.past.rows(name) if self.past else ():
+                receive(data)
+
+    def _recalled(self, topic: Topic, receive: Callable[[bytes], None]) -> Callable[[bytes], None]:
+        """Return what receives a topic, once `resume` has given it the record.
+
+        Of a topic that has every sample, what came between is taken from the record too.
+        """
+        self._followed.append((topic.name, receive))
+        past, step = self.past, self.scenario.step_ns
+        assert past
+        if is_packets(topic.name):
+            return past.since(receive, topic.codec)
+        due, waiting = past.count(topic.name), list[bytes]()
+
+        def follow(data: bytes) -> None:
+            nonlocal due
+            try:
+                newest = topic.codec.decode(data)[0] // step
+            except LayoutError:
+                receive(data)  # which refuses it
+                return
+            waiting.append(data)
+            first = topic.codec.decode(waiting[0])[0] // step
+            missed = past.between(topic.name, due, first) if due < first else []
+            for one in missed:
+                receive(one)
+            due += len(missed)
+            if due < first:
+                return  # it is not recorded yet
+            for one in waiting:
+                receive(one)
+            due = newest + 1
+            waiting.clear()
+
+        return follow
+
+    def _receiver(
+        self, topic: Topic, take: Callable[..., None], *, both: bool
+    ) -> Callable[[bytes], None]:
+        """Return what calls `take` with the content of each message, until the first failure."""
+        codec, failures = topic.codec, self.failures
+        decode = codec.decode_both if both else codec.decode
 
         def receive(data: bytes) -> None:
             if failures:
                 return
             try:
-                stamp, value = decode(data)
-                take(stamp, value)
+                take(*decode(data))
             except LayoutError as error:
                 failures.append(
                     f"{topic.name}: a message {error} (frame_id must be {topic.frame_id}): it "
@@ -175,10 +303,7 @@ class PlatoonNode(Node):  # type: ignore[misc]
             except LockstepError as error:
                 failures.append(str(error))
 
-        message_type = MESSAGE_TYPES[topic.kind.type_name]
-        self.create_subscription(
-            message_type, topic.name, receive, qos.stream(self.scenario), raw=True
-        )
+        return receive
 
 
 def _next_sample(steppers: Sequence[Changing]) -> int:

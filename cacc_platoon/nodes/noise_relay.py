@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 from cacc_platoon.model import Channel
 from cacc_platoon.nodes.node import PlatoonNode
+from cacc_platoon.runs.past import Past
 from cacc_platoon.scenario import Follower, Scenario
 from msg_adapters.topics import VehicleTopics
 
@@ -26,21 +27,25 @@ class NoiseRelayNode(PlatoonNode):
         scenario: Scenario | None = None,
         index: int | None = None,
         channel: Callable[[Follower], Channel] | None = None,
+        *,
+        past: Past | None = None,
     ) -> None:
-        super().__init__("noise_relay", ("platoon", "v2v", "run"), scenario, index)
+        super().__init__("noise_relay", ("platoon", "v2v", "run"), scenario, index, past)
         follower = self.scenario.follower(self.index)
+        counts = follower.counted and not self.scenario.clocked
         steppers = []
         for link in self.scenario.topology.links_to(self.index):
             topics, receiver = self.topics.link(link.sender), follower.on(link)
             stepper = self.steppers.relay(
                 receiver,
                 self.create_stream(topics.accel),
-                self.create_stream(topics.complete) if follower.counted else None,
+                self.create_stream(topics.complete) if counts else None,
                 channel=channel(receiver) if channel else None,
             )
             steppers.append(stepper)
             sender = VehicleTopics(self.scenario.platoon.namespace, link.sender)
-            self.follow_stream(sender.accel, stepper.take)
+            lossy = follower.v2v.best_effort
+            self.follow_stream(sender.accel, stepper.take, best_effort=lossy)
             if follower.triggered:
                 self.follow_stream(sender.pose, stepper.take_position)
                 self.follow_stream(sender.twist, stepper.take_velocity)

@@ -10,10 +10,12 @@ from std_msgs.msg import Int64
 from cacc_platoon.nodes import qos
 from cacc_platoon.nodes.node import MESSAGE_TYPES
 from cacc_platoon.runs.parts import PartWriter
+from cacc_platoon.runs.past import Past, Receive
+from cacc_platoon.runs.sample_reader import Reading, SampleReader
 from cacc_platoon.runs.sample_recorder import SampleRecorder
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.names import host_name
-from msg_adapters.topics import Topic
+from msg_adapters.topics import Graph, Topic, is_packets
 
 
 class RecorderNode(Node):  # type: ignore[misc]
@@ -29,6 +31,10 @@ class RecorderNode(Node):  # type: ignore[misc]
         What to record.
     folder : Path
         The part's folder; must not exist.
+    run : str, optional
+        What tells the run from every other, where that is known.
+    past : Past, optional
+        What was recorded before this process was started again; it is recorded anew first.
 
     Attributes
     ----------
@@ -38,13 +44,23 @@ class RecorderNode(Node):  # type: ignore[misc]
         Names of the topics.
     """
 
-    def __init__(self, scenario: Scenario, host: str, topics: list[Topic], folder: Path) -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        host: str,
+        topics: list[Topic],
+        folder: Path,
+        past: Past | None = None,
+        *,
+        run: str = "",
+    ) -> None:
         namespace = f"{scenario.platoon.namespace}/{host_name(host)}"
         super().__init__("recorder", namespace=namespace, use_global_arguments=False)
         self.folder = folder.absolute()
         self.recorded = [topic.name for topic in topics]
         self.scenario = scenario
-        self._part = PartWriter(folder, topics)
+        self._part = PartWriter(folder, topics, run, buffered=not scenario.run.restarts)
+        self._reader = SampleReader(self._part, topics, Graph.of(scenario), scenario.step_ns)
         progress = self.create_publisher(Int64, "recorded", qos.latched())
         self._recorder = SampleRecorder(
             scenario,
@@ -55,13 +71,23 @@ class RecorderNode(Node):  # type: ignore[misc]
         )
         self.failures = self._recorder.failures
         for topic in topics:
+            receive = self._recorder.receiver(topic)
+            if past:
+                receive = self._again(topic, receive, past)
             self.create_subscription(
                 MESSAGE_TYPES[topic.kind.type_name],
                 topic.name,
-                self._recorder.receiver(topic),
+                receive,
                 qos.stream(scenario),
                 raw=True,
             )
+
+    @staticmethod
+    def _again(topic: Topic, receive: Receive, past: Past) -> Receive:
+        """Record what was recorded of a topic before, and return what receives the rest."""
+        for data in past.rows(topic.name):
+            receive(data)
+        return past.since(receive, topic.codec) if is_packets(topic.name) else receive
 
     def end_at(self, samples: int) -> None:
         """Say so when all topics have the samples of a run that ends sooner than was planned."""
@@ -73,6 +99,15 @@ class RecorderNode(Node):  # type: ignore[misc]
             self._part.flush()
         except OSError as error:
             self._recorder.not_written(error)
+
+    def readings(self, sample: int) -> dict[str, Reading]:
+        """Return what is recorded of each vehicle at a sample, or before; see `SampleReader`."""
+        self.flush()
+        try:
+            return self._reader.at(sample)
+        except OSError as error:
+            self._recorder.not_written(error)
+            return {}
 
     def close(self) -> None:
         """Close the part."""

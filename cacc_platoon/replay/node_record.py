@@ -18,7 +18,7 @@ from cacc_platoon.bags.read import RawBag, read_bag
 from cacc_platoon.errors import UserError
 from cacc_platoon.runs.locate import locate
 from cacc_platoon.runs.recorded_run import RecordedRun, read_run
-from cacc_platoon.runs.recording import not_counts
+from cacc_platoon.runs.recording import count_of_each_sample, not_counts
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.names import NodeKind, NodeName, vehicle_name
 from msg_adapters.topics import Graph, Topic
@@ -163,7 +163,7 @@ def read_node(
         raise UserError(f"{path}: {vehicle_name(index)} does not lead. Give --node vehicle.")
     raw = read_bag(bag, progress)
     graph = Graph.of(run.scenario)
-    topics = graph.nodes[NodeName(NodeKind(node), index)]
+    topics = graph.replayed(NodeName(NodeKind(node), index))
     read = _Streams(raw, graph, node, run.scenario)
     inputs = tuple(read.stream(topic, index) for topic in topics.subscribes)
     shown = graph.vehicles[index].shown
@@ -172,7 +172,8 @@ def read_node(
         for topic in topics.publishes
         if topic not in shown or raw.topics.get(topic.name)
     )
-    ahead = 1 if node == "vehicle" else 0  # sample k of the inputs gives sample k + 1
+    in_lockstep = node == "vehicle" and not run.scenario.clocked
+    ahead = 1 if in_lockstep else 0  # sample k of the inputs gives sample k + 1
     last = run.scenario.samples
     samples = min([last, *(s.unbroken + ahead for s in inputs), *(s.unbroken for s in outputs)])
     streams = sorted(inputs + outputs, key=lambda stream: stream.unbroken)
@@ -208,6 +209,8 @@ class _Streams:
     def _gridded(self, topic: Topic) -> Stream:
         """Return a topic that has a message of every sample."""
         rows = self._rows(topic, rows_in_stamp_order)
+        if topic in self._counted_by.values():
+            rows = count_of_each_sample(topic, rows, self._step, self._samples)
         stamps = topic.codec.stamps(rows)
         astray = stamps != np.arange(len(stamps)) * self._step
         n = int(astray.argmax()) if astray.any() else len(stamps)

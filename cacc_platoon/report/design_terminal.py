@@ -112,8 +112,9 @@ def _certificate_lines(data: dict[str, Any]) -> list[str]:
         *_ring_lines(c, alone="known_gain" in data),
         f"  slowest mode {_number(c['slowest_time_constant'])} s; tolerated k_a E[w] "
         + (f"{tolerated[0]:.6g} to {tolerated[1]:.6g}" if tolerated else "none"),
-        f"  |delta_i(t)| <= {_number(c['leader_error_norm'])} ||a_0||_2 for every i"
-        + ("" if c["string_stable"] else ": only for i = 1, as it is not string stable"),
+        f"  |delta_i(t)| <= {_number(c['leader_error_norm'])} ||a_0||_2 "
+        + ("for every i" if c["string_stable"] else "for i = 1 alone, as it is not string stable")
+        + ", in the mean, in continuous time with fresh packets",
     ]
 
 
@@ -182,7 +183,8 @@ def _mixed_lines(mixed: dict[str, Any]) -> list[str]:
 def _guarantee_lines(certificate: dict[str, Any], where: str) -> list[str]:
     """Say what is guaranteed in the mean, in the mean square, and whatever the noise does."""
     rows, period = certificate["guarantees"], certificate["sampled"]["period"]
-    lines = [f"Guaranteed, {where}, in continuous time but for the mean square and packet rates"]
+    but = "but for the energy of a_i in the mean square and packet rates"
+    lines = [f"Guaranteed, {where}, in continuous time {but}"]
     for row in rows:
         lines.append(f"  {row['signal']}")
         lines += [

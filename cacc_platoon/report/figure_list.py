@@ -147,6 +147,14 @@ def _channel_pictures(report: Report) -> Iterator[Picture]:
             "was longest. The latency margin is of a constant latency.",
             lambda axes: channel.plot_age(axes, run, oldest, margin),
         )
+    if run.timing is not None:
+        yield Picture(
+            "lateness",
+            "Lateness of samples",
+            "How long after they were due followers took their samples, by their clocks. Dashed: "
+            "a control period, from which on the command before is kept.",
+            lambda axes: motion.plot_lateness(axes, run),
+        )
     if run.share is not None:
         yield Picture(
             "reception",

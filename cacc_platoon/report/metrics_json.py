@@ -15,6 +15,7 @@ from cacc_platoon.runs.folder import versions
 if TYPE_CHECKING:
     from cacc_platoon.analysis.age import LinkReception
     from cacc_platoon.analysis.analyse import Report
+    from cacc_platoon.analysis.clocks import ClockUse
     from cacc_platoon.analysis.consistency import Consistency
     from cacc_platoon.analysis.fallback import FallbackUse
     from cacc_platoon.analysis.follower_verdict import FollowerVerdict
@@ -60,6 +61,7 @@ def metrics_document(report: Report) -> dict[str, Any]:
             "expected": _metrics(report.expected),
             "expected_without": report.run.trajectory.scenario.custom_code,
             "ensemble": _ensemble(report),
+            "distance": _distance(report),
             "verdict": verdict_document(report.verdict),
             "consistency": _consistency(report.consistency),
             "leader_consistency": _consistency(report.recomputed.leader),
@@ -150,6 +152,7 @@ def _metrics(metrics: Metrics) -> dict[str, Any]:
             for one in metrics.limits
         ],
         "monitor": [_monitor(one) for one in metrics.monitor],
+        "clocks": [_clock(one) for one in metrics.clocks],
     }
 
 
@@ -212,6 +215,24 @@ def _monitor(one: MonitorUse) -> dict[str, Any]:
             for found in one.detections
         ],
     }
+
+
+def _clock(one: ClockUse) -> dict[str, Any]:
+    return {
+        "follower": one.follower,
+        "lateness": {"median": one.late_median, "p99": one.late_p99, "max": one.late_max},
+        "overruns": one.overruns,
+        "unknown": one.unknown,
+        "begin": one.begin,
+        "end": one.end,
+        "pose_age": {"median": one.age_median, "p99": one.age_p99, "max": one.age_max},
+    }
+
+
+def _distance(report: Report) -> dict[str, Any]:
+    """Return how far the run was from its expectation run."""
+    found = report.distance
+    return {"largest": found.largest, "vehicle": found.vehicle, "time": found.time}
 
 
 def _smallest(values: Any) -> float:

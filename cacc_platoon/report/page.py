@@ -13,6 +13,7 @@ from cacc_platoon.notation import as_html
 from cacc_platoon.report.figure_list import pictures
 from cacc_platoon.report.html_page import draw_figures, html_page
 from cacc_platoon.report.tables import (
+    clock_table,
     event_table,
     fact_table,
     fallback_table,
@@ -72,6 +73,8 @@ def _numbers(report: Report, metrics: dict[str, Any]) -> Iterator[str]:
         lines = "".join(f"<li>{as_html(monitor_line(one))}</li>" for one in watched)
         yield f"<h2>Assumption monitor</h2>{monitor_table(metrics)}<ul>{lines}</ul>"
         yield f"<p>{as_html(NO_ALARM)}</p>"
+    if metrics["clocks"]:
+        yield f"<h2>Samples by clocks</h2>{clock_table(metrics)}"
     if metrics["events"]:
         yield f"<h2>Course of the run</h2>{event_table(metrics)}"
     yield f"<h2>Scenario</h2>{scenario_table(report.run.trajectory.scenario)}"

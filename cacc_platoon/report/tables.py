@@ -6,15 +6,47 @@ import html
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
+from cacc_platoon.analysis.metrics import SETTLING_FRACTION
 from cacc_platoon.notation import as_html, as_text
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.names import vehicle_name
 from cacc_platoon.scenario.table import TABLE
 
+UNKNOWN = "-"
+
+FOLLOWER_NOTE = (
+    "At control instants, between which peaks may be a little larger. Expected: of the "
+    "expectation run. Hop ratio: a norm of delta_i over that of delta_{i-1}. Settled: from then on "
+    f"|delta| stays within {100 * SETTLING_FRACTION:g} % of its peak. Gap: less the length of the "
+    "vehicle ahead. Headway kept: (x_{i-1} - x_i - d)/v_i while the vehicle moves. TTC: gap over "
+    "closing speed, where the vehicle closes in. Jerk: (a(k+1) - a(k))/T. "
+    f"{UNKNOWN}: not known, or never so."
+)
+"""What its columns are."""
+NOISE_NOTE = (
+    "w is what arrived over what was sent, wherever the sender accelerated, the packet arrived and "
+    "nothing but w changes what it says. E[w] and Var[w] are of the link's parameters. SNR: the "
+    "least 20 log10(|a|/|w a - a|), the paper's definition 2.3. Breaches: how often w left "
+    "[1 - 1/rho, 1 + 1/rho]."
+)
+RECEPTION_NOTE = (
+    "Sent: blackouts apart. Bursts: losses in a row, how many, how long in the mean and at most, "
+    "in packets. Late: delivered after the sample it was sent at. Overtaken: delivered after one "
+    "that was sent later. Age: how long ago the newest packet that has arrived was sent. Latency "
+    "margin: of a constant latency, as the table of what the verdict rests on says."
+)
+FALLBACK_NOTE = (
+    "Shares of all samples in each state, when the vehicle first left the normal one and was last "
+    "out of it, and how many times it left."
+)
+MONITOR_NOTE = (
+    "Share of samples with an alarm, when the first one began and the last one ended, how many "
+    "there were, and how many of them began neither during false data nor while the window that "
+    "the monitor looks back still held some."
+)
+
 MOST_EVENTS = 100
 """So many are on the page."""
-
-UNKNOWN = "-"
 
 
 class Column(NamedTuple):
@@ -88,6 +120,18 @@ FALLBACK_COLUMNS = (
     Column("times", "-", "turns", "d"),
 )
 
+CLOCK_COLUMNS = (
+    Column("lateness, median", "s", "lateness.median", ".5f"),
+    Column("99 %", "s", "lateness.p99", ".5f"),
+    Column("at most", "s", "lateness.max", ".5f"),
+    Column("a period late or more", "-", "overruns", "d"),
+    Column("unknown", "-", "unknown", "d"),
+    Column("first", "s", "begin", "g"),
+    Column("last", "s", "end", "g"),
+    Column("age of the pose used, median", "s", "pose_age.median", ".4f"),
+    Column("99 %", "s", "pose_age.p99", ".4f"),
+    Column("at most", "s", "pose_age.max", ".4f"),
+)
 MONITOR_COLUMNS = (
     Column("time with an alarm", "-", "share", ".4f"),
     Column("first", "s", "begin", "g"),
@@ -95,6 +139,10 @@ MONITOR_COLUMNS = (
     Column("alarms", "-", "alarms", "d"),
     Column("false ones", "-", "false_alarms", "d"),
 )
+
+
+def _note(text: str) -> str:
+    return f"<p>{as_html(text)}</p>"
 
 
 def look_up(document: Any, key: str) -> Any:
@@ -123,25 +171,24 @@ def follower_table(document: dict[str, Any]) -> str:
             key = f"{column.key}.{vehicle - column.first}"
             cells.append(cell(document, key, column.form) if known else "<td></td>")
         rows.append("".join(cells))
-    return _table(
-        [_heading("follower"), *(_heading(c.heading, c.unit) for c in FOLLOWER_COLUMNS)], rows
-    )
+    heads = [_heading("follower"), *(_heading(c.heading, c.unit) for c in FOLLOWER_COLUMNS)]
+    return _table(heads, rows) + _note(FOLLOWER_NOTE)
 
 
 def noise_table(document: dict[str, Any]) -> str:
     """Return the realised noise, one row per link."""
-    return _link_table(document, {"noise.links": NOISE_COLUMNS})
+    return _link_table(document, {"noise.links": NOISE_COLUMNS}) + _note(NOISE_NOTE)
 
 
 def reception_table(document: dict[str, Any]) -> str:
     """Return packet loss and age of information, one row per link."""
     both = {"reception": RECEPTION_COLUMNS, "age_margins": MARGIN_COLUMNS}
-    return _link_table(document, both)
+    return _link_table(document, both) + _note(RECEPTION_NOTE)
 
 
 def fallback_table(document: dict[str, Any]) -> str:
     """Return the shares of time in each state of reception, one row per vehicle."""
-    return _vehicle_table(document, "fallback", FALLBACK_COLUMNS)
+    return _vehicle_table(document, "fallback", FALLBACK_COLUMNS) + _note(FALLBACK_NOTE)
 
 
 def event_table(document: dict[str, Any]) -> str:
@@ -161,7 +208,12 @@ def event_table(document: dict[str, Any]) -> str:
 
 def monitor_table(document: dict[str, Any]) -> str:
     """Return what monitors said, one row per vehicle."""
-    return _vehicle_table(document, "monitor", MONITOR_COLUMNS)
+    return _vehicle_table(document, "monitor", MONITOR_COLUMNS) + _note(MONITOR_NOTE)
+
+
+def clock_table(document: dict[str, Any]) -> str:
+    """Return how samples came by clocks, one row per vehicle."""
+    return _vehicle_table(document, "clocks", CLOCK_COLUMNS)
 
 
 def _vehicle_table(document: dict[str, Any], vehicles: str, columns: Sequence[Column]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,6 +16,8 @@ if TYPE_CHECKING:
     from cacc_platoon.analysis.analyse import Report
     from cacc_platoon.analysis.follower_verdict import FollowerVerdict
     from cacc_platoon.analysis.verdict import Verdict
+    from cacc_platoon.runs.info import ClockOffset
+    from cacc_platoon.simulation.trajectory import Array
 
 _WHOLE, _HEAD = 25, 8  # longer tables are cut down to so many rows at both ends
 
@@ -66,18 +69,18 @@ def _verdict_lines(report: Report) -> list[str]:
     if not verdict.equal_links:
         whose = f" (vehicle {weakest.follower})"
         which = f" (vehicle {weakest.follower}; none is weaker)"
-    lines = [f"  {verdict.guarantee}"] if verdict.string_stable else []
+    lines = [f"  {verdict.guarantee}"] if verdict.string_stable or verdict.another_law else []
     lines += [
         f"  exact test, every lag tau <= {own.tau_max:g} s and every {share}k_a E[w] in "
-        f"[{low:.4g}, {high:.4g}]{whose}: {passed}",
+        f"[{low:.4g}, {high:.4g}]{whose}: {passed}{verdict.of_law}",
         f"  sup|H| = {weakest.l2_gain:.9g} (L2, in the mean){weakest.of_loop}{which}",
         *_margin_lines(weakest),
         f"  peaks of a_i grow per hop {verdict.hop} by a factor of {verdict.sure_gain:.6g} at most "
-        f"whatever the noise does{verdict.bases.apart}, {verdict.linf_gain:.6g} in the mean in "
+        f"whatever the noise does{verdict.apart}, {verdict.linf_gain:.6g} in the mean in "
         f"continuous time{_linf_of(report)}",
         *_mean_square_line(verdict),
         f"  paper's Theorem 2 (sufficient){verdict.bases.of_loop}: "
-        + ("passed" if verdict.in_paper_region else "failed"),
+        f"{'passed' if verdict.in_paper_region else 'failed'}{verdict.of_law}",
     ]
     lines += [f"  packet loss: {basis.text}" for basis in verdict.bases.losses]
     lines += [f"  packets: {basis.text}" for basis in verdict.bases.packets]
@@ -152,19 +155,25 @@ def _fact_lines(report: Report, facts: dict[str, Any]) -> list[str]:
         else "no collision"
     )
     return [
-        f"  errors, expectation run{report.left_out}: {describe_growth(peaks)}, "
-        f"{peaks[0]:.6f} -> {peaks[-1]:.6f} m",
-        f"  errors, this run:        {describe_growth(own)}, {own[0]:.6f} -> {own[-1]:.6f} m"
-        " (one run proves nothing)",
+        f"  errors, expectation run{report.left_out}: {_course(peaks)}",
+        f"  errors, this run:        {_course(own)} (one run proves nothing)",
         f"  platoon length: {_number(length['initial'], 'm')} at first, "
         f"{_number(length['max'], 'm')} at most, {_number(length['final'], 'm')} at last; "
         f"smallest gap {gap}{_of_points(report)}, {safety}",
         f"  noise w: mean {_number(noise['mean_w'])}, from {_number(noise['min_w'])} to "
         f"{_number(noise['max_w'])}, SNR {_number(noise['snr_db'], 'dB')}",
         *_packet_lines(report, facts),
+        *_clock_lines(report, facts),
         *_monitor_lines(report),
         f"  digest {report.run.digest}",
     ]
+
+
+def _course(peaks: Array) -> str:
+    """Say how the largest errors went along the platoon, from which to which."""
+    if len(peaks) == 1:
+        return f"{peaks[0]:.6f} m at most"
+    return f"{describe_growth(peaks)}, {peaks[0]:.6f} -> {peaks[-1]:.6f} m"
 
 
 def _of_points(report: Report) -> str:
@@ -191,6 +200,53 @@ def _packet_lines(report: Report, facts: dict[str, Any]) -> list[str]:
         f"  age beside the latency margin, which is of a constant latency: "
         f"{describe_age(report.age_margins)}",
     ]
+
+
+def _clock_lines(report: Report, facts: dict[str, Any]) -> list[str]:
+    """Say how the samples of vehicles came that keep time by clocks."""
+    clocks = facts["clocks"]
+    if not clocks:
+        return []
+    late, age = (
+        {key: _largest(one[kind][key] for one in clocks) for key in ("median", "p99", "max")}
+        for kind in ("lateness", "pose_age")
+    )
+    samples = len(report.run.trajectory.time) * len(clocks)
+    overruns, apart = sum(one["overruns"] for one in clocks), facts["distance"]
+    ran = "by clocks, so not bit for bit the same again; what every follower used is recorded"
+    perfect = late["max"] == 0.0 and age["max"] == 0.0
+    return [
+        "  by clocks that agree, of vehicles that are never late" if perfect else f"  {ran}",
+        f"  lateness of samples on the worst vehicle: median {_milliseconds(late['median'])}, "
+        f"99 % {_milliseconds(late['p99'])}, at most {_milliseconds(late['max'])}; "
+        f"{overruns} of {samples} a period late, or more ({100 * overruns / samples:.3g} %)",
+        f"  age of poses on the worst vehicle: median {_number(age['median'], 's')}, "
+        f"99 % {_number(age['p99'], 's')}, at most {_number(age['max'], 's')}",
+        f"  distance from the expectation run: at most {_number(apart['largest'], 'm')} "
+        f"(vehicle {apart['vehicle']} at {_number(apart['time'], 's')})",
+        *_offset_lines(report.run.info.clock_offsets if report.run.info else {}),
+    ]
+
+
+def _offset_lines(offsets: Mapping[str, ClockOffset]) -> list[str]:
+    """Say which host's clock was furthest from the supervisor's."""
+    if not offsets:
+        return []
+    name, furthest = max(offsets.items(), key=lambda item: abs(item[1].offset))
+    return [
+        f"  clocks of hosts: at most {_milliseconds(abs(furthest.offset))} from the supervisor's "
+        f"(host {name}, to within {_milliseconds(furthest.uncertainty)})"
+    ]
+
+
+def _largest(values: Iterable[float | None]) -> float | None:
+    """Return the largest value; None where one is not known."""
+    found = list(values)
+    return None if None in found else max(one for one in found if one is not None)
+
+
+def _milliseconds(seconds: float | None) -> str:
+    return "unknown" if seconds is None else f"{1e3 * seconds:.3g} ms"
 
 
 def _monitor_lines(report: Report) -> list[str]:

@@ -57,18 +57,20 @@ def _guarantee_section(verdict: Verdict) -> str:
     rows = verdict.guarantees
     if not rows:
         return ""
-    whose = "" if verdict.equal_links else f", by vehicle {verdict.weakest.follower}, the weakest"
+    weakest = f"; none is weaker than vehicle {verdict.weakest.follower}"
+    whose = f"{weakest * (not verdict.equal_links)}{'; void for this run' * bool(verdict.void)}"
     lost = " and any packets lost" if verdict.bases.losses else ""
     heads = ("signal", "in the mean", "in the mean square", "whatever the noise does")
     note = (
-        "For every lag up to tau0, in continuous time but for the mean square, which is of the "
-        "sampled loop and of a leader whose acceleration is held between control instants; "
+        "For every lag up to tau0, in continuous time but for the mean square of noise that "
+        "changes, which is of the sampled loop and of a leader whose acceleration is held between "
+        "control instants; "
         "sampled, peaks grow a little more, as the table below says of a_i. "
         "In the mean: expectations, with every E[w] the SNR permits. In the mean "
         "square: the energy that the noise of this scenario adds, independent between links. "
         "Whatever the noise does: every run, with w anywhere within the SNR at every instant"
-        f"{lost}{verdict.bases.apart}. Where links have unequal E[w_i], one run's means over long "
-        "holds of w included, spacing errors may grow although accelerations do not."
+        f"{lost}{verdict.apart}. Where links have unequal E[w_i], one run's means over long "
+        "holds of w included, spacing errors may grow even where accelerations do not."
     )
     return f"<h2>What is guaranteed{whose}</h2>{text_table(heads, rows)}<p>{as_html(note)}</p>\n"
 
@@ -121,7 +123,9 @@ def _meaning(report: Report) -> str:
 
 def _basis_table(report: Report, metrics: dict[str, Any]) -> str:
     """Return each question, its answer and the definition and test the answer rests on."""
-    rows = [*_certificate_rows(report), *_data_rows(report, metrics)]
+    of_law = report.verdict.of_law
+    certified = [(asked, f"{said}{of_law}", why) for asked, said, why in _certificate_rows(report)]
+    rows = [*certified, *_data_rows(report, metrics)]
     return text_table(("question", "answer", "basis"), rows)
 
 
@@ -150,13 +154,14 @@ def _certificate_rows(report: Report) -> Iterator[tuple[str, str, str]]:
         concerned = [one for one in verdict.followers if one.follower in packets.followers]
         grown = [one.certificate.v2v_growth for one in concerned if one.certificate]
         growth = max((one.growth for one in grown if one), default=math.nan)
+        alike = not (verdict.equal_links or verdict.alone)
         yield (
             f"Growth per hop with these packets, in the mean{bases.apart}, at most",
-            f"{_g(growth)}{packets.if_so}",
+            f"{_g(growth)}{', were all followers alike' * alike}{packets.if_so}",
             packets.text,
         )
     yield (
-        f"Ratio of peaks of a_i per hop {verdict.hop}, in every run{bases.apart}, at most",
+        f"Ratio of peaks of a_i per hop {verdict.hop}, in every run{verdict.apart}, at most",
         _g(verdict.sure_gain),
         bases.sure,
     )
@@ -168,13 +173,17 @@ def _certificate_rows(report: Report) -> Iterator[tuple[str, str, str]]:
             "certified link by link on a_i = H_i a_{i-1}; delta_i = H delta_{i-1} needs equal "
             "followers",
         )
-    kept = " without losses" if any(one.holds for one in verdict.followers) else ""
+    limited = any(one.limits() or one.stops for one in report.run.trajectory.scenario.followers)
+    losses = any(one.holds for one in verdict.followers)
+    parts = (("losses", losses), ("limits of actuators", limited))
+    named = " and ".join(part for part, has in parts if has)
+    kept = f" without {named}" if named else ""
     if braking := report.worst_braking:
         yield (
             f"Least gap over all brakings, up to {braking.deceleration:g} m/s^2 from "
             f"{braking.speed:g} m/s",
             f"{braking.gap:.2f} m" + (": collision" if braking.gap <= 0 else ""),
-            f"in the mean{kept}{bases.apart}, in continuous time, from the equilibrium spacing: "
+            f"in the mean{kept}{verdict.apart}, in continuous time, from the equilibrium spacing: "
             "the leader brakes whenever it hurts most, not only once; least of both ends of I, of "
             f"lags of {', '.join(f'{share:g}' for share in SHARES)} tau0, and of "
             + counted(braking.vehicles, "the first"),
@@ -187,20 +196,17 @@ def _data_rows(report: Report, metrics: dict[str, Any]) -> Iterator[tuple[str, s
     realised = [one.realised_stable for one in verdict.followers]
     yield (
         "With the mean noise of this run",
-        "unknown" if None in realised else _answer(all(realised)),
+        "unknown" if None in realised else f"{_answer(all(realised))}{verdict.of_law}",
         "exact test (L2) with each link's realised mean of w and each follower's own tau; an "
         f"estimate from one run{_realised_with_loss(verdict)}. "
         f"End to end sup|H_1...H_N| = {_g(verdict.end_to_end_gain)}",
     )
-    sent = any(link.samples for link in links)
-    kept = "kept" if sent else "nothing was sent"
-    of_what = "at every sample of every link"
-    if verdict.bases.losses:
-        of_what = "of every packet that arrived"
+    kept = "kept" if any(link.samples for link in links) else "no packet tells w"
     yield (
         "Channel assumption",
         "broken" if any(link.breaches for link in links) else kept,
-        f"1 - 1/rho <= w <= 1 + 1/rho {of_what}, checked in the data",
+        "1 - 1/rho <= w <= 1 + 1/rho, checked in the data: of every packet that arrived from a "
+        "vehicle that accelerated, where nothing but w changes what it says",
     )
     if any(follower.counted for follower in report.run.trajectory.scenario.followers):
         yield "Age of information", describe_age(report.age_margins), f"the margin is {AGE_BASIS}"
@@ -210,6 +216,13 @@ def _data_rows(report: Report, metrics: dict[str, Any]) -> Iterator[tuple[str, s
     if ensemble := metrics["ensemble"]:
         yield "Mean of noisy runs", *_agreement(ensemble)
 
+
+_OUTCOME_NOTE = (
+    "At control instants, from the messages of the bag, where nothing else is said. A platoon is "
+    "as long as its leader is ahead of the last vehicle. Between instants an acceleration lies "
+    "between those of both, since commands are held, and a leader's is what its profile does: no "
+    "gap falls below the parabola of the most unfavourable of them."
+)
 
 _RECOMPUTED = (
     (
@@ -296,7 +309,7 @@ def _outcome_table(metrics: dict[str, Any]) -> str:
     collision = f"vehicle {collided['follower']} at {collided['time']:g} s" if collided else "no"
     return (
         f'<div class="scroll"><table><tbody>{body}<tr><td class="text">collision</td>'
-        f"<td>{collision}</td></tr></tbody></table></div>"
+        f"<td>{collision}</td></tr></tbody></table></div><p>{as_html(_OUTCOME_NOTE)}</p>"
     )
 
 

@@ -11,7 +11,7 @@ from cacc_platoon.bags.raw import Integers
 from cacc_platoon.bags.read import RawBag
 from cacc_platoon.bags.rows import TopicRows
 from cacc_platoon.model import Link
-from cacc_platoon.runs.recording import with_deliveries
+from cacc_platoon.runs.recording import samples_more, with_deliveries
 from cacc_platoon.runs.sample_grid import Fault, Grid
 from cacc_platoon.simulation import Arrivals
 from msg_adapters.topics import Graph, LinkTopics, Role, Topic
@@ -78,7 +78,8 @@ def _delivered(
     if len(known) < last:
         what = f"lacks {last - len(known):.0f} of {last:.0f} packets that were delivered"
         fault(topics.accel, what)
-    end = (int(stamps[-1]) - grid.origin) // grid.step
+    more = samples_more(topics.complete, counts.messages[-1:])[0]
+    end = (int(stamps[-1]) - grid.origin) // grid.step + int(more)
     if end < grid.samples - 1:
         fault(topics.complete, f"ends at {grid.say(end)}: from there on {_AT_ONCE}")
     return np.concatenate((known, signal.stamps[len(known) :]))

@@ -23,9 +23,9 @@ from cacc_platoon import __version__
 from cacc_platoon.bags.digest import run_digest
 from cacc_platoon.bags.rows import Recording
 from cacc_platoon.errors import UserError
-from cacc_platoon.runs.events import bag_events
+from cacc_platoon.runs.events import bag_events, settle_events
 from cacc_platoon.runs.info import EndStatus, RunInfo
-from cacc_platoon.runs.parts import read_parts
+from cacc_platoon.runs.parts import longest_of
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import format_scenario, load_scenario
 from msg_adapters.topics import Graph, PlatoonTopics, queue_depth
@@ -33,8 +33,11 @@ from msg_adapters.topics import Graph, PlatoonTopics, queue_depth
 SCENARIO_FILE = "scenario.yaml"
 BAG = "bag"
 PARTS = "parts"
+ENDED = "ended_parts"
+"""Parts of hosts that were started again, which have recorded them anew since."""
 LOGS = "logs"
 UNFINISHED = "unfinished"
+_INCOMPLETE = "incomplete"
 BYTES_PER_MESSAGE = 300
 """Disk that a message takes while the bag is written: in its part, in the bag, in its index."""
 
@@ -73,8 +76,17 @@ class RunFolder:
         self.begun = RunInfo()
 
     @classmethod
-    def create(cls, path: Path, scenario: Scenario) -> RunFolder:
+    def create(cls, path: Path, scenario: Scenario, run: str = "") -> RunFolder:
         """Make the folder of a new run, with the resolved scenario and run.json, and hold it.
+
+        Parameters
+        ----------
+        path : Path
+            The folder.
+        scenario : Scenario
+            What is run.
+        run : str, optional
+            What tells the run from every other, where it has such a name.
 
         Raises
         ------
@@ -94,7 +106,7 @@ class RunFolder:
         try:
             folder.parts.mkdir()
             _refuse_full_disk(path, scenario)
-            folder.begun = _begun(scenario)
+            folder.begun = dataclasses.replace(_begun(scenario), run=run)
             folder.begun.write(path)
             folder.write_scenario(scenario)
         except BaseException as error:
@@ -130,8 +142,17 @@ class RunFolder:
         return load_scenario(self.path / SCENARIO_FILE)
 
     def recording(self) -> Recording:
-        """Return what the parts hold."""
-        return read_parts(sorted(self.parts.glob("*")))
+        """Return what the parts hold, those of hosts that ended too where that is more."""
+        ended = sorted((self.path / ENDED).glob("*"))
+        return longest_of([*sorted(self.parts.glob("*")), *ended])
+
+    def ended_part(self, part: Path) -> Path:
+        """Move the part of a host that ended out of the way of its next one; return where to."""
+        ended = self.path / ENDED
+        ended.mkdir(exist_ok=True)
+        if part.is_dir():
+            part.rename(ended / f"{part.name}_{len([*ended.glob('*')])}")
+        return ended
 
     def finish(
         self,
@@ -141,6 +162,8 @@ class RunFolder:
         progress: Callable[[int, int], None] | None = None,
     ) -> RunInfo:
         """Write the bag and run.json, remove the parts, and return what run.json says.
+
+        As long as some of them are on other machines, those that are here stay.
 
         At any moment run.json is true, and what is missing can be made from the parts.
 
@@ -169,11 +192,13 @@ class RunFolder:
         recording = with_deliveries(recording, Graph.of(scenario))
         digest = run_digest(recording, Graph.of(scenario))
         shutil.rmtree(self.path / UNFINISHED, ignore_errors=True)
+        finished = info.samples if info.status is EndStatus.FINISHED else None
+        settle_events(self.path, finished or scenario.samples)
         write_bag(
             self.path / UNFINISHED / BAG,
             recording,
             step_ns=scenario.step_ns,
-            depth=queue_depth(scenario.run.window, scenario.platoon.followers),
+            depth=queue_depth(scenario),
             scenario_topic=PlatoonTopics(prefix).scenario,
             scenario_text=format_scenario(scenario),
             events=Events(PlatoonTopics(prefix).events, bag_events(self.path, scenario.samples)),
@@ -191,10 +216,23 @@ class RunFolder:
             messages={name: len(record.messages) for name, record in sorted(recording.items())},
         )
         info.write(self.path)
+        if self.bag.exists():  # without what was recorded elsewhere
+            self.bag.rename(self.path / UNFINISHED / _INCOMPLETE)
         (self.path / UNFINISHED / BAG).rename(self.bag)
-        (self.path / UNFINISHED).rmdir()
-        shutil.rmtree(self.parts, ignore_errors=True)
+        shutil.rmtree(self.path / UNFINISHED)
+        if not (info.lacks_parts or _awaits_parts(scenario, recording, info)):
+            for folder in (self.parts, self.path / ENDED):
+                shutil.rmtree(folder, ignore_errors=True)
         return info
+
+
+def _awaits_parts(scenario: Scenario, recording: Recording, info: RunInfo) -> bool:
+    """Return whether parts may be elsewhere of a run that nobody of its hosts is known of."""
+    elsewhere = {vehicle for host in scenario.remote_hosts for vehicle in host.vehicles}
+    graph = Graph.of(scenario)
+    nodes = [node for node in scenario.nodes if node.vehicle in elsewhere]
+    there = {topic.name for node in nodes for topic in graph.recorded_with(node)}
+    return not info.hosts and not there <= recording.keys()
 
 
 def _unwritable(path: Path, error: OSError) -> UserError:

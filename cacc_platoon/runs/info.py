@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import Any, Self, TypeVar
+from typing import Any, NamedTuple, Self, TypeVar
 
 from cacc_platoon.errors import one_line
 from cacc_platoon.formats import Format
@@ -21,6 +21,8 @@ ROOM = 2**16
 """Disk that is set aside for the next run.json [bytes], so that a run can say that it is full."""
 NO_BAG = "the bag is not written yet, `platoon report` writes it"
 """In the message of a run that has ended, as long as that is so."""
+ELSEWHERE = "the bag lacks what was recorded elsewhere, `platoon merge` adds it"
+"""In the message of a run that has ended, as long as parts of it are on other machines."""
 _MOST = 2**63
 
 Number = TypeVar("Number", int, float)
@@ -51,20 +53,81 @@ class HostInfo:
         Process id on its machine.
     nodes : tuple of str
         Its nodes, relative to the platoon's namespace.
+    machine : str
+        Name of its machine; empty when unknown.
+    part : str
+        Folder on that machine where what it recorded still is, and not in the bag; empty otherwise.
     """
 
     name: str
     pid: int
     nodes: tuple[str, ...]
+    machine: str = ""
+    part: str = ""
 
     def to_json(self) -> dict[str, Any]:
         """Return the host as run.json has it."""
-        return {"name": self.name, "pid": self.pid, "nodes": list(self.nodes)}
+        return {
+            "name": self.name,
+            "pid": self.pid,
+            "nodes": list(self.nodes),
+            "machine": self.machine,
+            "part": self.part,
+        }
 
     @classmethod
     def from_json(cls, document: Mapping[str, Any]) -> Self:
         """Return the host that a part of run.json describes."""
-        return cls(_text(document["name"]), _count(document["pid"]), _texts(document["nodes"]))
+        return cls(
+            _text(document["name"]),
+            _count(document["pid"]),
+            _texts(document["nodes"]),
+            _text(document.get("machine", "")),
+            _text(document.get("part", "")),
+        )
+
+
+class ClockOffset(NamedTuple):
+    """How far the clock of a host is from the supervisor's, by one round trip.
+
+    Attributes
+    ----------
+    offset : float
+        By how much it is ahead [s].
+    uncertainty : float
+        How wrong that may be, half of the round trip [s].
+
+    Examples
+    --------
+    >>> ClockOffset.measured(1_000_000, 4_000_000, 3_000_000)
+    ClockOffset(offset=0.002, uncertainty=0.001)
+    """
+
+    offset: float
+    uncertainty: float
+
+    @classmethod
+    def measured(cls, sent: int, answered: int, returned: int) -> ClockOffset:
+        """Return it from three times [ns].
+
+        A message was sent and its answer returned by the supervisor's clock; the host answered by
+        its own.
+        """
+        return cls((2 * answered - sent - returned) / 2e9, (returned - sent) / 2e9)
+
+    @property
+    def least(self) -> float:
+        """How far the clocks are apart at least [s]."""
+        return max(0.0, abs(self.offset) - self.uncertainty)
+
+    def to_json(self) -> dict[str, float]:
+        """Return it as run.json has it."""
+        return {"offset": self.offset, "uncertainty": self.uncertainty}
+
+    @classmethod
+    def from_json(cls, document: Mapping[str, Any]) -> Self:
+        """Return what a part of run.json says."""
+        return cls(_number(document["offset"]), _seconds(document["uncertainty"]))
 
 
 @dataclass(frozen=True)
@@ -97,6 +160,10 @@ class RunInfo:
         The process that runs it, or did; None when unknown.
     began : str
         When that began, UTC; empty when unknown.
+    clock_offsets : mapping of str to ClockOffset
+        How far the clocks of hosts are from the supervisor's, where vehicles keep time by them.
+    run : str
+        What tells it from every other run; empty when unknown.
     """
 
     status: EndStatus = EndStatus.FINISHED
@@ -113,6 +180,8 @@ class RunInfo:
     fingerprint: Mapping[str, str] = dataclasses.field(default_factory=dict)
     pid: int | None = None
     began: str = ""
+    clock_offsets: Mapping[str, ClockOffset] = dataclasses.field(default_factory=dict)
+    run: str = ""
 
     def without_bag(self, status: EndStatus | None = None, why: str = "") -> Self:
         """Return what to say as long as the bag is not there, and why that is so."""
@@ -123,8 +192,37 @@ class RunInfo:
 
     def with_bag(self) -> Self:
         """Return what to say once the bag is there: only what stood in the way of the run."""
-        reason, missing, _ = self.message.partition(NO_BAG)
-        if not missing:
+        return self._without(NO_BAG)
+
+    @property
+    def lacks_parts(self) -> bool:
+        """Whether some of what was recorded is not in the bag, but on other machines."""
+        return any(host.part for host in self.hosts)
+
+    def without_parts(self, parts: Mapping[str, str]) -> Self:
+        """Return what to say as long as the parts of some hosts are elsewhere, in these folders."""
+        if not parts:
+            return self
+        hosts = tuple(dataclasses.replace(h, part=parts.get(h.name, "")) for h in self.hosts)
+        where = [
+            f"host {host.name}, {host.part} on {host.machine or 'its machine'}"
+            for host in hosts
+            if host.part
+        ]
+        missing = f"{ELSEWHERE}: {'; '.join(where)}"
+        message = "; ".join(filter(None, [self.message.removesuffix("."), missing]))
+        status = EndStatus.FAILED if self.status is EndStatus.FINISHED else self.status
+        return dataclasses.replace(self, status=status, message=message, hosts=hosts)
+
+    def with_parts(self) -> Self:
+        """Return what to say once everything is in the bag."""
+        hosts = tuple(dataclasses.replace(host, part="") for host in self.hosts)
+        return dataclasses.replace(self._without(ELSEWHERE), hosts=hosts)
+
+    def _without(self, line: str) -> Self:
+        """Return what to say when a line of the message, and what follows it, holds no longer."""
+        reason, found, _ = self.message.partition(line)
+        if not found:
             return self
         status = self.status if reason else EndStatus.FINISHED
         return dataclasses.replace(self, status=status, message=reason.removesuffix("; "))
@@ -147,6 +245,8 @@ class RunInfo:
             "fingerprint": dict(self.fingerprint),
             "pid": self.pid,
             "began": self.began,
+            "clock_offsets": {name: one.to_json() for name, one in self.clock_offsets.items()},
+            "run": self.run,
         }
 
     @classmethod
@@ -189,6 +289,11 @@ class RunInfo:
                 _named_texts(document.get("fingerprint", {})),
                 _optional(document.get("pid"), _count),
                 _text(document.get("began", "")),
+                {
+                    _text(name): ClockOffset.from_json(one)
+                    for name, one in document.get("clock_offsets", {}).items()
+                },
+                _text(document.get("run", "")),
             )
         except (ValueError, TypeError, KeyError, AttributeError) as error:
             raise InfoError(f"{source}: is damaged ({error})") from error
@@ -241,9 +346,15 @@ def _count(value: Any) -> int:
     return value
 
 
-def _seconds(value: Any) -> float:
-    if not isinstance(value, int | float) or isinstance(value, bool) or not 0 <= value < _MOST:
+def _number(value: Any) -> float:
+    if not isinstance(value, int | float) or isinstance(value, bool) or not abs(value) < _MOST:
         raise TypeError("a value is no number where one is due")
+    return float(value)
+
+
+def _seconds(value: Any) -> float:
+    if _number(value) < 0:
+        raise TypeError("a value is negative where none may be")
     return float(value)
 
 

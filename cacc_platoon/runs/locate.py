@@ -75,7 +75,7 @@ def _salvage(folder: RunFolder) -> None:
     """Make the bag of a run whose process did not come to it."""
     if not folder.hold():
         raise BagError(f"{folder.path}: {_going_on(folder)}. Wait until it has ended.")
-    info, unfinished = _last_word(folder)
+    info, unfinished = last_word(folder)
     try:
         recording = folder.recording()
         scenario = folder.scenario()
@@ -107,7 +107,7 @@ def _going_on(folder: RunFolder) -> str:
     return f"process {info.pid} is at it, since {info.began}"
 
 
-def _last_word(folder: RunFolder) -> tuple[RunInfo, bool]:
+def last_word(folder: RunFolder) -> tuple[RunInfo, bool]:
     """Return how a run ended whose process is gone, and whether nobody had said so before."""
     try:
         info = RunInfo.read(folder.path)

@@ -6,9 +6,10 @@ import contextlib
 import json
 import os
 import re
+from collections.abc import Iterable
 from errno import ENOENT
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 
@@ -35,9 +36,15 @@ class PartWriter:
         Made by the writer; must not exist.
     topics : list of Topic
         What will be written.
+    run : str, optional
+        What tells the run from every other, where that is known.
+    buffered : bool, optional
+        Whether the last messages wait in this process, where they are lost if it is killed.
     """
 
-    def __init__(self, folder: Path, topics: list[Topic]) -> None:
+    def __init__(
+        self, folder: Path, topics: list[Topic], run: str = "", *, buffered: bool = True
+    ) -> None:
         folder.mkdir(parents=True)
         self._folder, self._made = folder, folder.stat()
         topics_index = [
@@ -49,12 +56,32 @@ class PartWriter:
             }
             for number, topic in enumerate(topics)
         ]
-        index = {"format": FORMAT.version, "topics": topics_index}
+        index = {"format": FORMAT.version, "run": run, "topics": topics_index}
         (folder / INDEX_FILE).write_text(json.dumps(index, indent=1))
         self._files = {
-            str(entry["name"]): (folder / str(entry["file"])).open("wb") for entry in topics_index
+            str(entry["name"]): _opened(folder / str(entry["file"]), buffered=buffered)
+            for entry in topics_index
         }
+        self._sizes = {topic.name: topic.codec.size for topic in topics}
         self.writers = {name: file.write for name, file in self._files.items()}
+
+    def count(self, name: str) -> int:
+        """Return how many messages of a topic were flushed so far; none once closed."""
+        file = self._files[name]
+        return 0 if file.closed else os.fstat(file.fileno()).st_size // self._sizes[name]
+
+    def message(self, name: str, number: int) -> bytes:
+        """Return one of the messages of a topic that were flushed.
+
+        Raises
+        ------
+        LookupError
+            When there is none of that number.
+        """
+        if not 0 <= number < self.count(name):
+            raise LookupError(f"{name} has no message {number}")
+        size = self._sizes[name]
+        return os.pread(self._files[name].fileno(), size, number * size)
 
     def flush(self) -> None:
         """Hand everything to the operating system; harmless once closed.
@@ -77,6 +104,15 @@ class PartWriter:
         for file in self._files.values():
             with contextlib.suppress(OSError):
                 file.close()
+
+
+def _opened(path: Path, *, buffered: bool) -> BinaryIO:
+    """Open a new file to be written, whose descriptor can be read from."""
+
+    def opener(name: str, flags: int) -> int:
+        return os.open(name, flags & ~os.O_WRONLY | os.O_RDWR, 0o666)
+
+    return open(path, "wb", -1 if buffered else 0, opener=opener)
 
 
 def _is(path: Path, made: os.stat_result) -> bool:
@@ -110,6 +146,36 @@ def read_parts(folders: list[Path]) -> dict[str, TopicRows]:
             )
             records[entry.name] = TopicRows(entry.type_name, messages)
     return records
+
+
+def run_of_part(folder: Path) -> str | None:
+    """Return what a part says of which run it is, "" where it does not; None for no part.
+
+    Raises
+    ------
+    UserError
+        When its format is newer than ours.
+    """
+    index = folder / INDEX_FILE
+    try:
+        document = read_json(index)
+    except TextError:
+        return None
+    if not isinstance(document, dict):
+        return "" if isinstance(document, list) else None
+    FORMAT.check(document.get("format"), str(index))
+    run = document.get("run", "")
+    return run if isinstance(run, str) else None
+
+
+def longest_of(folders: Iterable[Path]) -> dict[str, TopicRows]:
+    """Return of each topic what the part holds that has most of it, the first of equal ones."""
+    found: dict[str, TopicRows] = {}
+    for folder in folders:
+        for name, rows in read_parts([folder]).items():
+            if name not in found or len(rows.messages) > len(found[name].messages):
+                found[name] = rows
+    return found
 
 
 class _Entry(NamedTuple):

@@ -29,9 +29,11 @@ from cacc_platoon.runs.recorded_scenario import (
     identify,
 )
 from cacc_platoon.runs.sample_grid import Fault, Grid, group, lay_grid, sample
+from cacc_platoon.runs.timing import read_timing
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.simulation import Arrivals, Trajectory
 from cacc_platoon.simulation.bodies import measured_velocities
+from cacc_platoon.simulation.timing import Timing
 from cacc_platoon.simulation.trajectory import law_shares
 from msg_adapters.topics import Graph, Role, Topic
 
@@ -129,7 +131,7 @@ def read_run(
     recorded = (info.digest if info else "") or one_line(raw.custom_data.get("digest", ""), _DIGEST)
     notes += _another_digest(found, recorded)
     cut = cut_to_samples(scenario, samples.grid, notes)
-    trajectory = _trajectory(cut, samples.columns, samples.arrivals)
+    trajectory = _trajectory(cut, samples)
     if samples.grid.exact and not trajectory.ends_in_collision:
         notes += filter(None, [cut_short(scenario, cut)])
     return RecordedRun(
@@ -153,6 +155,7 @@ class _Samples(NamedTuple):
     grid: Grid
     columns: Mapping[Role, Floats]
     arrivals: Mapping[Link, Arrivals]
+    timing: Timing | None
     messages: int
 
 
@@ -165,8 +168,9 @@ def _read_samples(raw: RawBag, graph: Graph, step: int, notes: list[str]) -> _Sa
     grid = lay_grid(signals.values(), step)
     arrivals = read_arrivals(raw, graph, signals, grid, faults)
     columns = _columns(graph.roles, signals, grid, faults, arrivals)
+    timing = read_timing(raw, graph, grid, faults)
     notes += group(faults)
-    return _Samples(grid, columns, arrivals, messages)
+    return _Samples(grid, columns, arrivals, timing, messages)
 
 
 def _another_digest(found: str, recorded: str) -> list[str]:
@@ -254,10 +258,9 @@ def _columns(
     return columns
 
 
-def _trajectory(
-    scenario: Scenario, columns: Mapping[Role, Floats], arrivals: Mapping[Link, Arrivals]
-) -> Trajectory:
+def _trajectory(scenario: Scenario, samples: _Samples) -> Trajectory:
     """Return the arrays; what a follower used of a channel that loses is worked out again."""
+    columns, arrivals, timing = samples.columns, samples.arrivals, samples.timing
 
     def stack(quantity: str) -> Floats:
         own = [columns[role] for role in columns if role.quantity == quantity]
@@ -266,7 +269,7 @@ def _trajectory(
     received = stack("received")
     states = stack("pose"), stack("twist"), stack("accel")
     receivers, shares = scenario.receivers, {}
-    measured = measured_velocities(scenario, np.stack(states)) if arrivals else []
+    measured = measured_velocities(scenario, np.stack(states), timing) if arrivals else []
     for column, receiver in enumerate(receivers):
         if receiver.link in arrivals:
             arrived = arrivals[receiver.link]
@@ -286,7 +289,7 @@ def _trajectory(
             arrivals.get(receiver.link) or prompt_arrivals(received[:, column])
             for column, receiver in enumerate(receivers)
         )
-    return Trajectory(scenario, *states, received, links, law_shares(scenario, shares))
+    return Trajectory(scenario, *states, received, links, law_shares(scenario, shares), timing)
 
 
 class _Rows(Mapping[str, TopicRows]):

@@ -7,10 +7,11 @@ import numpy.typing as npt
 
 from cacc_platoon.bags.rows import Recording, TopicRows
 from cacc_platoon.simulation import Arrivals, Trajectory
+from cacc_platoon.stepping.deliveries import MOST
 from msg_adapters.topics import Graph, LinkTopics, Topic
 
-MOST = 2.0**53
-"""Beyond, a float counts no messages."""
+MOST_SAMPLES = 2.0**31
+"""For more samples stands no count."""
 
 
 def recording_of(trajectory: Trajectory) -> dict[str, TopicRows]:
@@ -19,8 +20,8 @@ def recording_of(trajectory: Trajectory) -> dict[str, TopicRows]:
     stamps = np.arange(len(trajectory.position), dtype=np.int64) * scenario.step_ns
     records: dict[str, TopicRows] = {}
 
-    def add(topic: Topic, values: npt.ArrayLike) -> None:
-        messages = topic.codec.encode_many(stamps, values)
+    def add(topic: Topic, values: npt.ArrayLike, beside: npt.ArrayLike = 0.0) -> None:
+        messages = topic.codec.encode_many(stamps, values, beside)
         records[topic.name] = TopicRows(topic.kind.type_name, messages)
 
     def add_arrivals(topic: Topic, arrivals: Arrivals) -> None:
@@ -34,6 +35,11 @@ def recording_of(trajectory: Trajectory) -> dict[str, TopicRows]:
         add(vehicle.pose, trajectory.position[:, column])
         add(vehicle.twist, trajectory.velocity[:, column])
         add(vehicle.accel, trajectory.acceleration[:, column])
+    if trajectory.timing:
+        for index, age, late in zip(
+            scenario.indices, trajectory.timing.age.T, trajectory.timing.lateness.T, strict=True
+        ):
+            add(graph.vehicles[index].timing, age, late)
     for number, (link, topics) in enumerate(graph.links.items()):
         sample = np.arange(len(stamps))
         if trajectory.arrivals is None:
@@ -81,15 +87,21 @@ def first_samples(recording: Recording, graph: Graph, end: int) -> dict[str, Top
     return records
 
 
-def recorded_samples(recording: Recording, graph: Graph) -> dict[str, int]:
-    """Return up to which sample each topic is complete, by the number of its samples."""
+def recorded_samples(recording: Recording, graph: Graph, run: int) -> dict[str, int]:
+    """Return up to which sample each topic is complete, by the number of its samples.
+
+    What counts say of samples beyond those of the `run`, which may have ended sooner, is no sample.
+    """
     samples = {name: len(record.messages) for name, record in recording.items()}
     for topics in graph.counted_links.values():
         counts = recording.get(topics.complete.name)
-        if counts is not None and topics.accel.name in samples:
-            published = topics.complete.codec.values(counts.messages)
-            here = samples[topics.accel.name]
-            samples[topics.accel.name] = int((published <= here).sum())
+        if counts is not None:
+            stands_for = 1 + samples_more(topics.complete, counts.messages)
+            samples[topics.complete.name] = min(run, int(stands_for.sum()))
+            if topics.accel.name in samples:
+                published = topics.complete.codec.values(counts.messages)
+                here = samples[topics.accel.name]
+                samples[topics.accel.name] = min(run, int(stands_for[published <= here].sum()))
     return samples
 
 
@@ -101,7 +113,7 @@ def _delivered(
     stamps: npt.NDArray[np.int64] = topics.complete.codec.stamps(counts.messages)
     if not len(stamps):
         return stamps
-    steps = np.diff(stamps)
+    steps = np.diff(stamps) / (1 + samples_more(topics.complete, counts.messages)[:-1])
     if stamps[0] != 0 or (steps != steps[:1]).any():
         return None
     if not_counts(published).any():
@@ -110,6 +122,44 @@ def _delivered(
     delivered = stamps[np.searchsorted(published, np.arange(1, known + 1))]
     sent = topics.accel.codec.stamps(received.messages[:known])
     return None if (delivered < sent).any() else delivered
+
+
+def samples_more(complete: Topic, counts: npt.NDArray[np.uint8]) -> npt.NDArray[np.int64]:
+    """Return for how many samples more each count of a relay stands, shape (n, size) -> (n,)."""
+    more = complete.codec.values(counts, "y")
+    whole = (more >= 0.0) & (more < MOST_SAMPLES) & (np.floor(more) == more)
+    return np.where(whole, more, 0.0).astype(np.int64)
+
+
+def count_of_each_sample(
+    complete: Topic, counts: npt.NDArray[np.uint8], step_ns: int, samples: int
+) -> npt.NDArray[np.uint8]:
+    """Return the counts of a relay as they are where it publishes one of every sample.
+
+    Those that do not follow each other are left as they are.
+
+    Parameters
+    ----------
+    complete : Topic
+        Of the counts.
+    counts : ndarray of uint8, shape (n, size)
+        Messages in order.
+    step_ns : int
+        Control period [ns].
+    samples : int
+        Of the run; none beyond is returned.
+    """
+    more = samples_more(complete, counts)
+    if not more.any():
+        return counts
+    stamps, published = complete.codec.stamps(counts), complete.codec.values(counts)
+    due = np.cumsum(1 + more) - 1 - more
+    astray = (stamps != stamps[0] + due * step_ns) | (due >= samples)
+    known = int(astray.argmax()) if astray.any() else len(stamps)
+    sample = np.arange(min(samples, int((1 + more[:known]).sum())))
+    row = np.searchsorted(due[:known], sample, "right") - 1
+    each = complete.codec.encode_many(stamps[0] + sample * step_ns, published[row])
+    return np.concatenate((each, counts[known:]))
 
 
 def not_counts(published: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:

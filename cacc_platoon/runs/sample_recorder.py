@@ -18,6 +18,7 @@ from cacc_platoon.stepping.deliveries import (
     OTHERS,
     CountedDeliveries,
     doubtful_from,
+    is_count,
     lost_or_foreign,
 )
 from msg_adapters.stamped import SECOND
@@ -72,10 +73,12 @@ class SampleRecorder:
         self.samples = dict.fromkeys((topic.name for topic in topics), 0)
         self._writers, self._folder, self._progress = writers, folder, progress
         self._step_ns, self._last = scenario.step_ns, scenario.samples - 1
-        self._stride = max(1, scenario.run.window // 4)
+        self._window = scenario.run.window
+        self._stride = scenario.run.stride
         self._arrived: dict[int, int] = {}
         self._ended = False
         self._counted = self._counted_links(scenario)
+        self._clocked = scenario.clocked
 
     def receiver(self, topic: Topic) -> Callable[[bytes], None]:
         """Return the function that takes the messages of a topic."""
@@ -98,16 +101,18 @@ class SampleRecorder:
 
     def _as_it_comes(self, topic: Topic, link: _CountedLink) -> Callable[[bytes], None]:
         """Return the receiver of what comes over a link that counts."""
-        write, size = self._writers[topic.name], topic.codec.size
+        write, codec = self._writers[topic.name], topic.codec
 
         def receive(data: bytes) -> None:
-            if len(data) != size:
+            if len(data) != codec.size:
                 self._refuse(topic.name, data, self.samples[topic.name])
                 return
             try:
-                write(topic.codec.zero_padding(data))
+                write(codec.zero_padding(data))
             except OSError as error:
                 self.not_written(error)
+                return
+            except ValueError:  # closed, as the run is over
                 return
             seconds, nanoseconds = _STAMP.unpack_from(data)
             link.deliveries.message(seconds * SECOND + nanoseconds)
@@ -117,7 +122,7 @@ class SampleRecorder:
 
     def _count(self, topic: Topic, link: _CountedLink) -> Callable[[bytes], None]:
         """Return the receiver of the counts of a link."""
-        take, decode = self._every_sample(topic), topic.codec.decode
+        take, decode = self._every_sample(topic), topic.codec.decode_both
         counted = 0.0
 
         def receive(data: bytes) -> None:
@@ -126,30 +131,40 @@ class SampleRecorder:
             take(data)
             if self.samples[topic.name] == before:
                 return
-            stamp, count = decode(data)
-            if not (count.is_integer() and counted <= count):
+            stamp, count, more = decode(data)
+            known = is_count(more) and more <= min(self._window, self._last - before)
+            if not (is_count(count) and counted <= count and known):
+                none = f", none at {more:g} samples more" if more else ""
                 self._fail(
-                    f"{topic.name}: counts {count:g} messages after {counted:g}: it comes from "
-                    f"another publisher; {doubtful_from(before)}"
+                    f"{topic.name}: counts {count:g} messages after {counted:g}{none}: it comes "
+                    f"from another publisher; {doubtful_from(before)}"
                 )
                 return
             counted = count
-            link.deliveries.count(stamp, int(count))
+            self._advance(topic.name, int(more))
+            link.deliveries.count(stamp, int(count), stamp + int(more) * self._step_ns)
             self._settle(link)
 
         return receive
 
     def _settle(self, link: _CountedLink) -> None:
         """Take note of the samples up to which everything is here that a link delivered."""
-        for stamp, sources in link.deliveries.settled():
-            k = stamp // self._step_ns
+        for stamp, sources, last in link.deliveries.settled():
             if any(source > stamp for source in sources):
-                self._doubt(link, "a message was delivered before it was sent", k)
-            self.samples[link.received] = k + 1
+                what = "a message was delivered before it was sent"
+                self._doubt(link, what, stamp // self._step_ns)
+            self._advance(link.received, (last - stamp) // self._step_ns + 1)
+        over = self.samples[link.received] > self._last and not self._clocked
+        if over and link.deliveries.waiting:
+            self._doubt(link, f"has more messages than {link.complete.name} counts", 0)
+
+    def _advance(self, name: str, more: int) -> None:
+        """Take note that a topic has so many samples more."""
+        first = self.samples[name]
+        self.samples[name] = first + more
+        for k in range(first, first + more):
             if k % self._stride == 0 or k == self._last:
                 self.mark(k)
-        if self.samples[link.received] > self._last and link.deliveries.waiting:
-            self._doubt(link, f"has more messages than {link.complete.name} counts", 0)
 
     def _doubt(self, link: _CountedLink, what: str, sample: int) -> None:
         self._fail(
@@ -179,6 +194,8 @@ class SampleRecorder:
                 write(data)
             except OSError as error:
                 self.not_written(error)
+                return
+            except ValueError:  # closed, as the run is over
                 return
             samples[name] = k + 1
             if k % stride == 0 or k == last:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -31,6 +31,8 @@ MAX_SAMPLES = 10**8
 """More would neither fit into memory nor end."""
 
 MAX_NAMESPACE = 150
+SHORTEST_PERIOD = 1e-3
+"""Of samples by clocks [s]: no process keeps a shorter one."""
 MOST_CHANGES = 1000
 MAX_INDEX = 500
 """Of the last vehicle; readers of bags take a higher one for damage."""
@@ -110,8 +112,32 @@ def check_run(run: Run, node_names: list[str], source: str) -> None:
         raise refuse(
             "run.duration", run.duration, f"must be a whole number of steps of {run.step:g} s"
         )
+    _check_clocks(run, refuse)
     if round(run.duration / run.step) >= MAX_SAMPLES:
         raise refuse("run.duration", run.duration, f"must be at most {MAX_SAMPLES} steps")
+
+
+def _check_clocks(run: Run, refuse: Callable[[str, object, str], ScenarioError]) -> None:
+    """Refuse what clocks cannot do, or lockstep."""
+    if run.sync != "wall":
+        if run.restarts:
+            rule = "must be 0 in lockstep, which ends when a process does"
+            raise refuse("run.restarts", run.restarts, rule)
+        return
+    for name in ("adjustable", "remote_hosts"):
+        if run.restarts and getattr(run, name):
+            rule = f"must be 0 with run.{name}, of which a process that starts again knows nothing"
+            raise refuse("run.restarts", run.restarts, rule)
+    if run.pause_at >= 0.0:
+        rule = "must be -1 by clocks (run.sync = wall), which cannot be stopped"
+        raise refuse("run.pause_at", run.pause_at, rule)
+    if run.clock_period < SHORTEST_PERIOD:
+        rule = (
+            f"gives each vehicle a sample every {run.clock_period:g} s of its clock, which must be "
+            f"at least {SHORTEST_PERIOD:g} s"
+        )
+        name = "run.real_time_factor" if run.step >= SHORTEST_PERIOD else "run.step"
+        raise refuse(name, getattr(run, name.partition(".")[2]), rule)
 
 
 def check_leader(platoon: Platoon, leader: Leader, source: str) -> None:
@@ -272,6 +298,9 @@ def check_follower(follower: Follower, step: float, source: str) -> None:
         value = getattr(v2v, name)
         if value and not _is_multiple(value, step):
             raise TABLE[f"v2v.{name}"].refusal(value, source, f"must be a multiple of {step:g} s")
+    if v2v.best_effort and not follower.course.clocked:
+        rule = "must be false in lockstep, where losses belong to the relay and never to DDS"
+        raise TABLE["v2v.best_effort"].refusal(v2v.best_effort, source, rule)
     _check_phase(v2v, step, source)
     ends = v2v.blackouts
     if len(ends) % 2 or any(end <= begin for begin, end in pairwise(ends)):

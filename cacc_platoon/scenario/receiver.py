@@ -63,11 +63,14 @@ class Course(NamedTuple):
         How fast its time headway changes [s/s].
     adjustable : bool
         Whether more may change that is not planned.
+    clocked : bool
+        Whether nodes keep time by clocks, so that nobody knows before when a packet comes.
     """
 
     changes: tuple[Change, ...] = ()
     headway_rate: float = 1.0
     adjustable: bool = False
+    clocked: bool = False
 
 
 @dataclass(frozen=True)
@@ -272,7 +275,7 @@ class Receiver:
 
     def triggered_channel(self, noise: str | None = None) -> TriggeredChannel:
         """Return the channel of the link from its first packet on, sent as the sender moves."""
-        return TriggeredChannel(self.send_rule(), self.composed(noise))
+        return TriggeredChannel(self.send_rule(), self.composed(noise), in_order=self.v2v.in_order)
 
     def composed(self, noise: str | None = None) -> ComposedChannel:
         """Return what v2v says of the link, whatever custom channel it names."""
@@ -303,10 +306,10 @@ class Receiver:
 
     @property
     def counted(self) -> bool:
-        """Whether its relay counts packets: they may be lost or late, or its receiver may ask."""
+        """Whether packets are counted: they may be lost or late, or its receiver may ask."""
         custom = self.v2v.channel or self.v2v.receiver or self.course.adjustable
-        watched = self.v2v.monitor != "none"
-        return bool(custom) or watched or self.triggered or not self.composed().prompt
+        said = custom or self.course.clocked or self.v2v.monitor != "none"
+        return bool(said) or self.triggered or not self.composed().prompt
 
     @property
     def asks_own_code(self) -> bool:

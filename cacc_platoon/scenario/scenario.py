@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +40,7 @@ from cacc_platoon.scenario.names import NodeKind, NodeName, vehicle_index, vehic
 from cacc_platoon.scenario.own_code import try_channel, try_law, try_reception
 from cacc_platoon.scenario.parameter import ScenarioError
 from cacc_platoon.scenario.receiver import Course
+from cacc_platoon.scenario.remote_hosts import RemoteHost, check_remote_hosts, remote_hosts
 from cacc_platoon.scenario.ros_sections import forget, replace
 from cacc_platoon.scenario.table import (
     FORMER_NAMES,
@@ -54,6 +56,10 @@ from cacc_platoon.scenario.table import (
 )
 from cacc_platoon.scenario.timeline import Change, timeline
 from cacc_platoon.scenario.v2v_parameters import V2V
+
+_FIELDS = {
+    group: [field.name for field in dataclasses.fields(owner)] for group, owner in GROUPS.items()
+}
 
 
 @dataclass(frozen=True)
@@ -132,6 +138,7 @@ class Scenario:
         """Refuse values that are right alone and wrong together."""
         check_namespace(self.platoon.namespace, source)
         check_run(self.run, self.node_names, source)
+        check_remote_hosts(self.run, self.vehicles, source)
         check_leader(self.platoon, self.leader, source)
         check_overrides(self.overrides, self.indices, self.vehicle, source)
         check_timeline(self.run, self.indices, source)
@@ -194,13 +201,22 @@ class Scenario:
 
     def follower(self, index: int) -> Follower:
         """Return the follower of an index, one of `indices`, with its overrides applied."""
-        own = self.overrides.get(index, {})
-        picked = {name: own.get(name, _read(self, name)) for name in TABLE}
-        tau = picked["vehicle.tau"]
+        return self.followers[self.indices.index(index)]
+
+    @cached_property
+    def followers(self) -> tuple[Follower, ...]:
+        """All followers, from front to rear."""
+        common, changes = self.values(), self.changes
+        return tuple(
+            self._follower(index, {**common, **self.overrides.get(index, {})}, changes)
+            for index in self.indices
+        )
+
+    def _follower(self, index: int, values: dict[str, Any], changes: list[Change]) -> Follower:
+        tau = values["vehicle.tau"]
 
         def own_group(group: str) -> dict[str, Any]:
-            names = (f.name for f in dataclasses.fields(GROUPS[group]))
-            return {name: picked[f"{group}.{name}"] for name in names}
+            return {name: values[f"{group}.{name}"] for name in _FIELDS[group]}
 
         return Follower(
             link=Link(index - 1, index),
@@ -208,18 +224,34 @@ class Scenario:
             seed=self.run.seed,
             step=self.run.step,
             tau=tau[self.indices.index(index)] if isinstance(tau, tuple) else tau,
-            tau_max=picked["vehicle.tau_max"],
-            gains=Gains(*(picked[f"controller.{name}"] for name in Gains._fields)),
+            tau_max=values["vehicle.tau_max"],
+            gains=Gains(*(values[f"controller.{name}"] for name in Gains._fields)),
             standstill_distance=self.platoon.standstill_distance,
-            law_name=picked["controller.law"],
+            law_name=values["controller.law"],
             body=Vehicle(**own_group("vehicle")),
             sensors=Sensing(**own_group("sensing")),
             course=Course(
-                tuple(change for change in self.changes if change.vehicle == index),
-                picked["controller.headway_rate"],
+                tuple(change for change in changes if change.vehicle == index),
+                values["controller.headway_rate"],
                 self.run.adjustable,
+                self.clocked,
             ),
         )
+
+    @property
+    def clocked(self) -> bool:
+        """Whether nodes keep time by clocks of their own rather than in lockstep."""
+        return self.run.sync == "wall"
+
+    @property
+    def stops_on_collision(self) -> bool:
+        """Whether a collision is the end of the run; by clocks the others have gone on."""
+        return self.run.stop_on_collision and not self.clocked
+
+    @property
+    def in_lockstep(self) -> Scenario:
+        """The same scenario in lockstep."""
+        return dataclasses.replace(self, run=dataclasses.replace(self.run, sync="lockstep"))
 
     @property
     def changes(self) -> list[Change]:
@@ -240,7 +272,7 @@ class Scenario:
         run = dataclasses.replace(self.run, timeline=texts)
         return dataclasses.replace(self, run=run)
 
-    @property
+    @cached_property
     def lengths(self) -> tuple[float, ...]:
         """The lengths of all vehicles [m], the leader's first: the common one."""
         return (self.vehicle.length, *(follower.length for follower in self.followers))
@@ -264,11 +296,6 @@ class Scenario:
     def vehicles(self) -> range:
         """The indices of all vehicles, the leader's first."""
         return range(self.leader_index, self.indices.stop)
-
-    @property
-    def followers(self) -> list[Follower]:
-        """All followers, from front to rear."""
-        return [self.follower(index) for index in self.indices]
 
     @property
     def custom_code(self) -> list[str]:
@@ -321,6 +348,11 @@ class Scenario:
     def node_names(self) -> list[str]:
         """The names of the nodes, relative to the platoon's namespace."""
         return [str(node) for node in self.nodes]
+
+    @property
+    def remote_hosts(self) -> tuple[RemoteHost, ...]:
+        """The hosts that others start, each with its vehicles."""
+        return remote_hosts(self.run)
 
     @property
     def step_ns(self) -> int:

@@ -162,10 +162,24 @@ class Run:
     step: float = parameter(0.01, "s", "the control period T", above=0.0, at_most=1.0)
     duration: float = parameter(200.0, "s", "the simulated time", above=0.0)
     seed: int = parameter(1, "-", "the seed of all noise", at_least=0)
+    sync: str = parameter(
+        "lockstep",
+        "-",
+        "how nodes keep time: each sample as soon as its inputs are there, bit for bit the same "
+        "in every run, or every vehicle by a clock of its own",
+        choices=("lockstep", "wall"),
+    )
+    phases: str = parameter(
+        "spread",
+        "-",
+        "how far the clocks of vehicles are behind a common start, where they have clocks: evenly "
+        "spread over a control period from front to rear, or drawn at random by vehicle and seed",
+        choices=("spread", "random"),
+    )
     real_time_factor: float = parameter(
         0.0,
         "-",
-        "the pace in simulated over wall time, 0 for as fast as possible",
+        "the pace in simulated over wall time, 0 for as fast as possible or, by clocks, for 1",
         at_least=0.0,
         at_most=1e6,
     )
@@ -178,6 +192,26 @@ class Run:
     spawn: bool = parameter(True, "-", "whether the supervisor starts the hosts itself")
     manual_nodes: tuple[str, ...] = parameter(
         (), "-", "the manually started nodes, such as vehicle_3/vehicle"
+    )
+    remote_hosts: tuple[str, ...] = parameter(
+        (),
+        "-",
+        "the hosts that `platoon host NAME` starts, on whichever machines, each with its vehicles "
+        'such as "east=1-6" or "west=0,7-12"',
+    )
+    host_commands: tuple[str, ...] = parameter(
+        (),
+        "-",
+        "the commands through which the supervisor starts such hosts, each "
+        '"NAME=COMMAND" such as "east=ssh user@east"',
+    )
+    restarts: int = parameter(
+        0,
+        "-",
+        "how often a process of this machine that ended is started again, by clocks "
+        "(run.sync = wall)",
+        at_least=0,
+        at_most=1000,
     )
     window: int = parameter(
         64, "samples", "how far the leader may be ahead of the slowest", at_least=1, at_most=1000
@@ -206,9 +240,40 @@ class Run:
         "whether ros2 param set may change v2v.loss of a noise_relay and controller.time_headway "
         "of a vehicle in the course of the run",
     )
-    stop_on_collision: bool = parameter(
-        True, "-", "whether the run ends at the first sample at which two vehicles touch"
+    pause_at: float = parameter(
+        -1.0,
+        "s",
+        "the simulated time at which the run pauses by itself, -1 for never; in lockstep",
+        at_least=-1.0,
     )
+    step_samples: int = parameter(
+        1,
+        "samples",
+        "how far the service step lets a paused run go on; ros2 param set changes it in the run",
+        at_least=1,
+        at_most=1_000_000,
+    )
+    clock: bool = parameter(
+        False,
+        "-",
+        "whether the supervisor publishes the simulated time on /clock, for use_sim_time",
+    )
+    stop_on_collision: bool = parameter(
+        True,
+        "-",
+        "whether the run ends at the first sample at which two vehicles touch; by clocks it goes "
+        "on, and an event says so",
+    )
+
+    @property
+    def stride(self) -> int:
+        """How many samples there are from one word of a recorder's progress to the next."""
+        return max(1, self.window // 4)
+
+    @property
+    def clock_period(self) -> float:
+        """How long a control period takes by clocks [s]."""
+        return self.step / (self.real_time_factor or 1.0)
 
 
 @dataclass(frozen=True)

@@ -104,6 +104,11 @@ class V2V:
         at_least=0.0,
         at_most=1.0,
     )
+    best_effort: bool = parameter(
+        False,
+        "-",
+        "whether DDS may lose accelerations on their way to the relay; by clocks (run.sync = wall)",
+    )
     burst_begin: float = parameter(
         0.0,
         "-",

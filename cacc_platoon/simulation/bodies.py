@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from cacc_platoon.model import Limits, State
 from cacc_platoon.model.limits import UNLIMITED, Limit, standing
 from cacc_platoon.scenario import Follower, Scenario
+from cacc_platoon.simulation.timing import Timing
 from cacc_platoon.simulation.trajectory import Array
 
 
@@ -61,10 +62,10 @@ class Sensors(NamedTuple):
         return position, velocity
 
 
-def measured_velocities(scenario: Scenario, motion: Array) -> list[tuple[Array, Array]]:
-    """Return each follower's own velocity and that ahead [m/s], each (samples,).
-
-    The latter is as measured where anybody has a monitor that compares it, else as it is.
+def measured_ahead(
+    scenario: Scenario, motion: Array, timing: Timing | None = None
+) -> tuple[Array, Array]:
+    """Return positions [m] and velocities [m/s] ahead as followers measured them, (samples, N).
 
     Parameters
     ----------
@@ -72,14 +73,29 @@ def measured_velocities(scenario: Scenario, motion: Array) -> list[tuple[Array, 
         The run.
     motion : ndarray, shape (3, samples, N + 1)
         Positions [m], velocities [m/s] and accelerations [m/s^2].
+    timing : Timing, optional
+        Of the samples, where vehicles keep time by clocks.
     """
-    own, ahead = motion[1][:, 1:], motion[1][:, :-1]
-    watched = any(one.monitored for one in scenario.followers)
-    if watched and (sensors := Sensors.of([scenario])):
-        run = motion[:, :, np.newaxis]
-        seen = [sensors.ahead(k, run)[1] for k in range(len(own))]
-        ahead = np.concatenate(seen)
-    return list(zip(own.T, ahead.T, strict=True))
+    own, ahead = motion[:2, :, 1:], motion[:2, :, :-1]
+    if timing:
+        ahead = np.stack(timing.ahead(ahead[0], ahead[1], scenario.run.step))
+    if sensors := Sensors.of([scenario]):
+        then = np.maximum(np.arange(own.shape[1])[:, np.newaxis] - sensors.delay, 0)
+        seen = np.take_along_axis(ahead - own, then[np.newaxis], axis=1)
+        errors = sensors.errors[:, : own.shape[1], 0]
+        ahead = np.where(sensors.perfect, ahead, own + (seen + errors))
+    return ahead[0], ahead[1]
+
+
+def measured_velocities(
+    scenario: Scenario, motion: Array, timing: Timing | None = None
+) -> list[tuple[Array, Array]]:
+    """Return each follower's own velocity and that ahead as measured [m/s], each (samples,).
+
+    Parameters as in `measured_ahead`.
+    """
+    _, ahead = measured_ahead(scenario, motion, timing)
+    return list(zip(motion[1][:, 1:].T, ahead.T, strict=True))
 
 
 class Actuators:

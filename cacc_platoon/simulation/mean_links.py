@@ -56,7 +56,7 @@ class MeanLinks:
         bursts = any(one.v2v.burst_begin for one in self._receivers)
         self._parts = [np.zeros(len(self._receivers)) for _ in range(2 if bursts else 1)]
         self._triggered = {
-            column: TriggeredChannel(one.send_rule(), one.timing())
+            column: TriggeredChannel(one.send_rule(), one.timing(), in_order=one.v2v.in_order)
             for column, one in enumerate(self._receivers)
             if one.triggered
         }

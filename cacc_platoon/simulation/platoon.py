@@ -23,7 +23,7 @@ from cacc_platoon.model import (
 )
 from cacc_platoon.scenario import Follower, Scenario
 from cacc_platoon.scenario.receiver import packet_source
-from cacc_platoon.simulation.bodies import Actuators, Sensors
+from cacc_platoon.simulation.bodies import Actuators, Sensors, measured_ahead
 from cacc_platoon.simulation.links import (
     ChannelFactory,
     Links,
@@ -34,6 +34,7 @@ from cacc_platoon.simulation.links import (
 )
 from cacc_platoon.simulation.mean_links import MeanLinks
 from cacc_platoon.simulation.stepped_links import LinkOfRun, SteppedLinks, followed
+from cacc_platoon.simulation.timing import Timing
 from cacc_platoon.simulation.trajectory import (
     Array,
     Arrivals,
@@ -95,7 +96,7 @@ def simulate(
     links = links_of_runs([scenario], noise, channel, reception)
     states = propagate(scenario, links, progress, law=law, sensors=Sensors.of([scenario]))
     last = first_collision(gaps(scenario, states[0, :, 0]))
-    if last is not None and scenario.run.stop_on_collision:
+    if last is not None and scenario.stops_on_collision:
         run = dataclasses.replace(scenario.run, duration=last * scenario.run.step)
         shorter = dataclasses.replace(scenario, run=run)
         links = links_of_runs([shorter], noise, channel, reception)
@@ -161,6 +162,7 @@ def _of_one_run(scenario: Scenario, links: Links, states: Array) -> Trajectory:
         used[:, 0],
         links.arrivals(0, states),
         None if share is None else share[:, 0],
+        Timing.perfect(*position[:, 1:].shape) if scenario.clocked else None,
     )
 
 
@@ -263,19 +265,17 @@ class Commands(NamedTuple):
 def commands_of(run: Trajectory) -> Commands:
     """Return the commands of a run, by gains and limits of its scenario, of its recorded states."""
     scenario, followers = run.scenario, run.scenario.followers
-    motion = np.stack(run.motion)[:, :, np.newaxis]
     position, velocity = (part[:, 1:] for part in run.motion[:2])
-    position_ahead, velocity_ahead = (part[:, :-1] for part in run.motion[:2])
-    if sensors := Sensors.of([scenario]):
-        seen = [sensors.ahead(k, motion) for k in range(len(position))]
-        position_ahead, velocity_ahead = (np.concatenate(part) for part in zip(*seen, strict=True))
-    measured = position, velocity, position_ahead, velocity_ahead
+    ahead = measured_ahead(scenario, np.stack(run.motion), run.timing)
+    measured = position, velocity, *ahead
     law = policy_of(followers, len(position))
     nearest = [own.start for own in scenario.topology.columns]
     wanted = law.command(*measured, run.received[:, nearest])
     if run.share is not None:
         alone = law_without_v2v(followers).command(*measured, np.zeros(()))
         wanted = blended(wanted, alone, run.share)
+    if run.timing:
+        wanted = run.timing.carried(wanted)
     actuators = Actuators(followers, scenario.run.step)
     if not actuators.limited:
         return Commands(wanted, wanted)

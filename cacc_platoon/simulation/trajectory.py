@@ -21,6 +21,7 @@ from cacc_platoon.model import (
 )
 from cacc_platoon.model.reception import picked
 from cacc_platoon.scenario import Follower, Scenario
+from cacc_platoon.simulation.timing import Timing
 
 Array: TypeAlias = npt.NDArray[np.float64]
 
@@ -120,6 +121,8 @@ class Trajectory:
     share : ndarray or None, shape (samples, N)
         Of the control law in each follower's command, the rest being that of its law without V2V;
         None where nobody falls back.
+    timing : Timing or None
+        Of the followers' samples, where they keep time by clocks; None in lockstep.
     """
 
     scenario: Scenario
@@ -129,6 +132,7 @@ class Trajectory:
     received: Array
     arrivals: tuple[Arrivals, ...] | None = None
     share: Array | None = None
+    timing: Timing | None = None
 
     @cached_property
     def arrived(self) -> Array:
@@ -174,7 +178,7 @@ class Trajectory:
     def ends_in_collision(self) -> bool:
         """Whether the last sample is the first one at which vehicles touch, and is to be."""
         last = len(self.position) - 1
-        return self.scenario.run.stop_on_collision and first_collision(self.gap) == last
+        return self.scenario.stops_on_collision and first_collision(self.gap) == last
 
     @cached_property
     def platoon_length(self) -> Array:

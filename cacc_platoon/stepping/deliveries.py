@@ -2,7 +2,8 @@
 
 Where every packet is delivered at the sample it was sent at, its stamp says which that is. Where
 packets may be lost or late, the relay says on v2v/complete up to which sample it is done and how
-many messages it has published by then: messages and counts are two topics and have no order.
+many messages it has published by then: messages and counts are two topics and have no order. Where
+it knows that nothing more is delivered at some samples that follow, it says so in the same message.
 """
 
 from __future__ import annotations
@@ -11,9 +12,13 @@ from collections import deque
 from typing import Generic, NamedTuple, Protocol, TypeAlias, TypeVar
 
 from cacc_platoon.model import Reception
+from cacc_platoon.scenario import Scenario
 
 DOUBT = "may be wrong"
 """In a line on a message of another publisher that may have been used in place of ours."""
+
+MOST = 2.0**53
+"""Beyond, a float counts no messages."""
 
 OTHERS = "a message was lost or comes from another publisher"
 
@@ -58,27 +63,50 @@ class Sequence:
         self._what, self._step = what, step_ns
         self.due = 0
 
-    def take(self, stamp: int) -> None:
-        """Accept the next stamp or raise LockstepError."""
+    def take(self, stamp: int, more: int = 0) -> None:
+        """Accept the next stamp, which stands for `more` samples more, or raise LockstepError."""
         if stamp != self.due:
             raise LockstepError(
                 f"{self._what} is stamped {seconds(stamp)} where {seconds(self.due)} is due: "
                 f"{lost_or_foreign(stamp, self.due, self._step)}"
             )
-        self.due += self._step
+        self.due += self._step * (1 + more)
 
 
 class Counts(Sequence):
-    """The counts of a relay: their stamps, and how many messages it has published."""
+    """The counts of a relay: their stamps, and how many messages it has published.
 
-    published = 0
+    One stands for at most as many samples more as the window of the run has, and the run.
+    """
+
+    def __init__(self, what: str, scenario: Scenario) -> None:
+        super().__init__(what, scenario.step_ns)
+        self.published = 0
+        self._window, self._last = scenario.run.window, scenario.samples - 1
+
+    def fits(self, stamp: int, count: float, more: float) -> bool:
+        """Return whether a message can be one of the relay, but for its stamp."""
+        counts = is_count(count) and self.published <= count and is_count(more)
+        return counts and more <= min(self._window, self._last - stamp // self._step)
+
+
+def is_count(value: float) -> bool:
+    """Return whether a number in a message can count something.
+
+    Examples
+    --------
+    >>> is_count(2.0), is_count(2), is_count(0.5), is_count(-1.0), is_count(1e300)
+    (True, True, False, False, False)
+    """
+    return 0.0 <= value < MOST and float(value).is_integer()
 
 
 class Delivered(NamedTuple, Generic[Message]):
-    """The messages that are delivered at one sample."""
+    """The messages that are delivered at one sample, and the last one at which none follow."""
 
     stamp: int
     messages: list[Message]
+    last: int
 
 
 class CountedDeliveries(Generic[Message]):
@@ -87,16 +115,16 @@ class CountedDeliveries(Generic[Message]):
     Examples
     --------
     >>> deliveries = CountedDeliveries()
-    >>> deliveries.count(0, 1)
+    >>> deliveries.count(0, 1, last=0)
     >>> deliveries.message("a")
-    >>> deliveries.count(10, 1)
+    >>> deliveries.count(10, 1, last=30)
     >>> [tuple(one) for one in deliveries.settled()]
-    [(0, ['a']), (10, [])]
+    [(0, ['a'], 0), (10, [], 30)]
     """
 
     def __init__(self) -> None:
         self._messages: deque[Message] = deque()
-        self._counts: deque[tuple[int, int]] = deque()
+        self._counts: deque[tuple[int, int, int]] = deque()
         self._given = 0
 
     @property
@@ -108,18 +136,18 @@ class CountedDeliveries(Generic[Message]):
         """Take the next message."""
         self._messages.append(message)
 
-    def count(self, stamp: int, count: int) -> None:
-        """Take note that `count` messages in all are delivered up to and including a sample."""
-        self._counts.append((stamp, count))
+    def count(self, stamp: int, count: int, last: int) -> None:
+        """Take note that `count` messages in all are delivered up to a sample, and to `last`."""
+        self._counts.append((stamp, count, last))
 
     def settled(self) -> list[Delivered[Message]]:
         """Return the samples of which every message is here, in order; each is returned once."""
         found = []
         while self._counts and self._counts[0][1] - self._given <= len(self._messages):
-            stamp, count = self._counts.popleft()
+            stamp, count, last = self._counts.popleft()
             messages = [self._messages.popleft() for _ in range(count - self._given)]
             self._given = count
-            found.append(Delivered(stamp, messages))
+            found.append(Delivered(stamp, messages, last))
         return found
 
 
@@ -134,7 +162,7 @@ of a law without V2V; the `ReceptionState` of the nearest link.
 class Inbox(Protocol):
     """The received accelerations to use at each sample, by stamp [ns]."""
 
-    def __contains__(self, stamp: object) -> bool:
+    def __contains__(self, stamp: int) -> bool:
         """Whether it is known what to use at a sample."""
         ...
 
@@ -142,8 +170,8 @@ class Inbox(Protocol):
         """Accept a message, stamped with the sample it was sent at."""
         ...
 
-    def count(self, stamp: int, count: int) -> None:
-        """Accept that the relay is done with a sample, and how many messages it has published."""
+    def count(self, stamp: int, count: int, last: int) -> None:
+        """Accept how many messages the relay has published by a sample, and up to `last`."""
         ...
 
     def pop(self, stamp: int) -> Used:
@@ -158,7 +186,7 @@ class PromptInbox(dict[int, Used]):
         """Accept a message, stamped with the sample it was sent at."""
         self[stamp] = ((acceleration,), 1.0, 0)
 
-    def count(self, stamp: int, count: int) -> None:
+    def count(self, stamp: int, count: int, last: int) -> None:
         """Accept what such a channel need not say."""
 
 
@@ -179,37 +207,40 @@ class CountedInbox:
         self._receiver = receiver
         self._reception, self._step = reception, step_ns
         self._deliveries: CountedDeliveries[tuple[int, float]] = CountedDeliveries()
+        self._known = -1
         self._ready: dict[int, list[tuple[int, float]]] = {}
 
-    def __contains__(self, stamp: object) -> bool:
+    def __contains__(self, stamp: int) -> bool:
         """Whether it is known what to use at a sample."""
-        return stamp in self._ready
+        return stamp <= self._known
 
     def take(self, stamp: int, acceleration: float) -> None:
         """Accept a message, stamped with the sample it was sent at."""
         self._deliveries.message((stamp // self._step, acceleration))
         self._settle()
 
-    def count(self, stamp: int, count: int) -> None:
-        """Accept that the relay is done with a sample, and how many messages it has published."""
-        self._deliveries.count(stamp, count)
+    def count(self, stamp: int, count: int, last: int) -> None:
+        """Accept how many messages the relay has published by a sample, and up to `last`."""
+        self._deliveries.count(stamp, count, last)
         self._settle()
 
     def pop(self, stamp: int) -> Used:
         """Return what to use at a sample, and forget it."""
         reception = self._reception
-        value = reception.use(self._ready.pop(stamp))
+        value = reception.use(self._ready.pop(stamp, ()))
         return (value,), getattr(reception, "share", 1.0), getattr(reception, "state", 0)
 
     def _settle(self) -> None:
-        for stamp, packets in self._deliveries.settled():
+        for stamp, packets, last in self._deliveries.settled():
             if any(source * self._step > stamp for source, _ in packets):
                 raise LockstepError(
                     f"{self._receiver}: v2v/accel was delivered at {seconds(stamp)}, before it was "
                     "sent: a message comes from another publisher; "
                     f"{doubtful_from(stamp // self._step)}"
                 )
-            self._ready[stamp] = packets
+            if packets:
+                self._ready[stamp] = packets
+            self._known = last
 
 
 class JointInbox:
@@ -218,7 +249,7 @@ class JointInbox:
     def __init__(self, inboxes: list[Inbox]) -> None:
         self._inboxes = inboxes
 
-    def __contains__(self, stamp: object) -> bool:
+    def __contains__(self, stamp: int) -> bool:
         """Whether it is known what to use of every link."""
         return all(stamp in inbox for inbox in self._inboxes)
 

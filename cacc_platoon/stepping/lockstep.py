@@ -21,7 +21,6 @@ from cacc_platoon.model import (
     TriggeredChannel,
 )
 from cacc_platoon.model.channel import ChannelError
-from cacc_platoon.model.limits import Body
 from cacc_platoon.scenario import Follower, Scenario, ScenarioError
 from cacc_platoon.scenario.names import NodeKind, NodeName, vehicle_name
 from cacc_platoon.scenario.receiver import packet_source
@@ -38,14 +37,19 @@ from cacc_platoon.stepping.deliveries import (
     doubtful_from,
     seconds,
 )
+from cacc_platoon.stepping.turns import (
+    PublishMonitor,
+    PublishReception,
+    Tell,
+    reception_turns,
+    saying,
+    telling_body,
+)
 
 PublishState = Callable[[int, State[float]], None]
 PublishCommand = Callable[[int, float, float, float], None]
-PublishReception = Callable[[int, int, float], None]
-PublishMonitor = Callable[[int, bool, float], None]
 PublishAcceleration = Callable[[int, float], None]
-PublishCount = Callable[[int, int], None]
-Tell = Callable[[RunEvent], None]
+PublishCount = Callable[[int, int, int], None]
 _Motion = tuple[float, float, float, float]
 
 
@@ -89,9 +93,9 @@ class LockstepFollower:
     ) -> None:
         self._step_ns = scenario.step_ns
         self._end = (scenario.samples - 1) * self._step_ns
-        plant, limits = follower.plant(scenario.run.step), follower.limits()
-        limited = limits is not None or follower.stops
-        self._body = Body(plant, limits, follower.stops) if limited else None
+        plant = follower.plant(scenario.run.step)
+        self._tell = tell = tell or (lambda event: None)
+        self._body = telling_body(follower, plant, tell, own_law=law is not None)
         self._advance_plant = self._body.advance if self._body else plant.advance
         self._spacing_policy = follower.spacing_policy()
         self._law: ControlLaw = law or follower.law()
@@ -109,7 +113,6 @@ class LockstepFollower:
         self._publish_state, self._publish_command = publish_state, publish_command
         ahead = scenario.length_ahead(follower.index)
         self._length_ahead = ahead if scenario.run.stop_on_collision else -math.inf
-        self._tell = tell or (lambda event: None)
         self._state: State[float] | None = None
         self._stamp = 0
         predecessor = vehicle_name(follower.index - 1)
@@ -123,7 +126,10 @@ class LockstepFollower:
         receptions = [follower.on(link).reception() for link in links]
         watching = [one for one in receptions if isinstance(one, MonitoredReception)]
         self._watching = watching[0] if watching else None
-        self._say_reception = _saying(publish_reception, publish_monitor, self._watching)
+        turns = reception_turns(follower, tell) if self._fallback else None
+        self._say_reception = saying(
+            self._step_ns, publish_reception, publish_monitor, self._watching, turns
+        )
         self._move_headway()
         self._inboxes: list[Inbox] = [
             CountedInbox(one, self._step_ns, self._name) if self._counted else PromptInbox()
@@ -133,7 +139,7 @@ class LockstepFollower:
         if len(links) == 1:
             (self._inbox,) = self._inboxes
         self._counts = [
-            Counts(f"{self._name}: v2v/complete of {vehicle_name(link.sender)}", self._step_ns)
+            Counts(f"{self._name}: v2v/complete of {vehicle_name(link.sender)}", scenario)
             for link in links
         ]
 
@@ -165,18 +171,22 @@ class LockstepFollower:
         inbox.take(stamp, acceleration)
         self._advance()
 
-    def take_count(self, stamp: int, count: float, link: int = 0) -> None:
-        """Accept that the relay is done with a sample and has published `count` messages in all."""
+    def take_count(self, stamp: int, count: float, more: float = 0.0, link: int = 0) -> None:
+        """Accept that the relay is done with a sample and has published `count` messages in all.
+
+        At the `more` samples that follow it publishes nothing.
+        """
         counts = self._counts[link]
-        counts.take(stamp)
-        if not (count.is_integer() and counts.published <= count):
+        if not counts.fits(stamp, count, more):
+            none = f", none at {more:g} samples more" if more else ""
             raise LockstepError(
                 f"{self._name}: v2v/complete of {seconds(stamp)} counts {count:g} messages after "
-                f"{counts.published}: it comes from another publisher; "
+                f"{counts.published}{none}: it comes from another publisher; "
                 f"{doubtful_from(stamp // self._step_ns)}"
             )
+        counts.take(stamp, int(more))
         counts.published = int(count)
-        self._inboxes[link].count(stamp, int(count))
+        self._inboxes[link].count(stamp, int(count), counts.due - self._step_ns)
         self._advance()
 
     @property
@@ -209,6 +219,25 @@ class LockstepFollower:
         received, share, reception = self._inbox.pop(stamp)
         if self._say_reception:
             self._say_reception(stamp, reception, share)
+        command = self._decide(stamp, motion, received, share)
+        if self._body:
+            command = self._body.command(command, state)
+        if self._publish_command:
+            delta = self._spacing_policy.spacing_error(state.position, state.velocity, position)
+            gap_error = state.position - position + self._spacing_policy.standstill_distance
+            self._publish_command(stamp, command, delta, gap_error)
+        if position - state.position <= self._length_ahead:
+            node = str(NodeName(NodeKind.VEHICLE, self._follower.index))
+            self._tell(RunEvent(EventKind.COLLISION, stamp // self._step_ns, node))
+            self._inbox = PromptInbox()  # in which nothing comes
+        elif stamp < self._end:
+            self._state = self._advance_plant(state, command)
+            self._publish_state(self._stamp, self._state)
+
+    def _decide(
+        self, stamp: int, motion: _Motion, received: tuple[float, ...], share: float
+    ) -> float:
+        """Return the command of the law, or of its share with that of the law without V2V."""
         try:
             command = self._law.command(*motion, *received)
             if share < 1.0 and self._fallback:
@@ -222,23 +251,11 @@ class LockstepFollower:
             ) from error
         if not finite:
             raise LockstepError(
-                f"{self._name}: command at {seconds(stamp)} is {command}: own state {(*state,)}, "
-                f"predecessor's position {position} m and velocity {velocity} m/s, "
-                f"received acceleration {', '.join(map(str, received))} m/s^2"
+                f"{self._name}: command at {seconds(stamp)} is {command}: position and velocity "
+                f"{motion[0]} m and {motion[1]} m/s, predecessor's {motion[2]} m and {motion[3]} "
+                f"m/s, received acceleration {', '.join(map(str, received))} m/s^2"
             )
-        if self._body:
-            command = self._body.command(command, state.velocity)
-        if self._publish_command:
-            delta = self._spacing_policy.spacing_error(state.position, state.velocity, position)
-            gap_error = state.position - position + self._spacing_policy.standstill_distance
-            self._publish_command(stamp, command, delta, gap_error)
-        if position - state.position <= self._length_ahead:
-            node = str(NodeName(NodeKind.VEHICLE, self._follower.index))
-            self._tell(RunEvent(EventKind.COLLISION, stamp // self._step_ns, node))
-            self._inbox = PromptInbox()  # in which nothing comes
-        elif stamp < self._end:
-            self._state = self._advance_plant(state, command)
-            self._publish_state(self._stamp, self._state)
+        return command
 
     def _prepare(self, stamp: int, motion: _Motion) -> _Motion:
         """Move the time headway, watch the vehicle ahead, and return the motion as measured."""
@@ -250,24 +267,6 @@ class LockstepFollower:
         if self._watching:
             self._watching.measure(motion[1], motion[3])
         return motion
-
-
-def _saying(
-    publish_reception: PublishReception | None,
-    publish_monitor: PublishMonitor | None,
-    watching: MonitoredReception | None,
-) -> PublishReception | None:
-    """Return what publishes the state of a reception, and the alarm of its monitor."""
-    if publish_monitor is None or watching is None:
-        return publish_reception
-    monitor = watching.monitor
-
-    def say(stamp: int, state: int, share: float) -> None:
-        if publish_reception:
-            publish_reception(stamp, state, share)
-        publish_monitor(stamp, monitor.alarm, monitor.excess)
-
-    return say
 
 
 class LockstepRelay:
@@ -282,7 +281,8 @@ class LockstepRelay:
     publish : callable
         Called with source stamp [ns] and received acceleration of every packet delivered.
     publish_count : callable, optional
-        Called with stamp [ns] and the number of packets delivered so far, for every sample.
+        Called with stamp [ns] of a sample, the number of packets delivered so far, and the number
+        of samples after it at which none is delivered, which it then is not called for.
     channel : Channel, optional
         Replaces the channel of the scenario.
 
@@ -314,11 +314,14 @@ class LockstepRelay:
         self._step_ns, self._follows_motion = scenario.step_ns, follower.triggered
         sender = vehicle_name(follower.link.sender)
         self._inputs = [
-            _Input(f"{vehicle_name(follower.index)}: {quantity} of {sender}", scenario.step_ns)
+            Sequence(f"{vehicle_name(follower.index)}: {quantity} of {sender}", scenario.step_ns)
             for quantity in (("accel", "pose", "twist") if follower.triggered else ("accel",))
         ]
+        self._waiting: tuple[deque[float], ...] = (deque(), deque(), deque())
         self._sent: deque[float] = deque(maxlen=min(self._packets.memory, scenario.samples) + 1)
         self._sample = self._count = 0
+        self._quiet, self._window = -1, scenario.run.window
+        self._looks_ahead = follower.triggered or not scenario.run.adjustable
         self._publish, self._publish_count = publish, publish_count
 
     def take(self, stamp: int, acceleration: float) -> None:
@@ -326,7 +329,7 @@ class LockstepRelay:
         if self._follows_motion:
             self._accept(0, stamp, acceleration)
         else:
-            self._inputs[0].expect(stamp)
+            self._inputs[0].take(stamp)
             self._deliver(acceleration)
 
     def take_position(self, stamp: int, position: float) -> None:
@@ -351,15 +354,18 @@ class LockstepRelay:
             self._packets = packet_source(self._follower, self._samples, start=self._sample)
 
     def _accept(self, number: int, stamp: int, value: float) -> None:
-        self._inputs[number].expect(stamp)
-        self._inputs[number].waiting.append(value)
-        while all(one.waiting for one in self._inputs):
-            self._deliver(*(one.waiting.popleft() for one in self._inputs))
+        self._inputs[number].take(stamp)
+        self._waiting[number].append(value)
+        accelerations, positions, velocities = self._waiting
+        while accelerations and positions and velocities:
+            self._deliver(accelerations.popleft(), positions.popleft(), velocities.popleft())
 
     def _deliver(self, acceleration: float, position: float = 0.0, velocity: float = 0.0) -> None:
         sample, sent = self._sample, self._sent
         self._sample = sample + 1
         sent.append(acceleration)
+        if sample <= self._quiet:
+            return
         try:
             packets = self._packets.deliver(sample, position, velocity)
         except ChannelError as error:
@@ -369,15 +375,11 @@ class LockstepRelay:
             self._publish(packet.source * self._step_ns, packet.value(carried))
         if self._publish_count:
             self._count += len(packets)
-            self._publish_count(sample * self._step_ns, self._count)
-
-
-class _Input:
-    """The values of one topic, in order."""
-
-    def __init__(self, what: str, step_ns: int) -> None:
-        self.expect = Sequence(what, step_ns).take
-        self.waiting: deque[float] = deque()
+            if self._looks_ahead:
+                furthest = min(sample + self._window, self._samples - 1)
+                self._quiet = min(self._packets.quiet_until(sample), furthest)
+            more = max(0, self._quiet - sample)
+            self._publish_count(sample * self._step_ns, self._count, more)
 
 
 class LockstepLeader:

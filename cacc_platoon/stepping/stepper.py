@@ -1,4 +1,4 @@
-"""What a node gets to decide its samples; the one place that chooses how a run keeps time.
+"""What a node gets to decide its samples: the steppers of each way to keep time.
 
 A node passes what arrives on, publishes what its stepper says, and calls nothing else; a stepper
 has no clock of its own: where a way of keeping time needs one it is handed in.
@@ -6,11 +6,11 @@ has no clock of its own: where a way of keeping time needs one it is handed in.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol, TypeAlias
 
-from cacc_platoon.model import Channel, ControlLaw, State
+from cacc_platoon.model import Channel
 from cacc_platoon.scenario import Follower, Scenario
 from cacc_platoon.scenario.timeline import Change
 from cacc_platoon.stepping.lockstep import (
@@ -18,16 +18,18 @@ from cacc_platoon.stepping.lockstep import (
     LockstepLeader,
     LockstepRelay,
     PublishAcceleration,
-    PublishCommand,
     PublishCount,
-    PublishMonitor,
-    PublishReception,
     PublishState,
-    Tell,
 )
-
-Clock = Callable[[], int]
-"""The time now [ns], never decreasing."""
+from cacc_platoon.stepping.recorded import RecordedFollower, ResumedFollower
+from cacc_platoon.stepping.wall import (
+    BestEffortRelay,
+    Clock,
+    PublishTiming,
+    WallFollower,
+    WallLeader,
+    WallRelay,
+)
 
 
 class Changing(Protocol):
@@ -61,8 +63,8 @@ class FollowerStepper(Changing, Protocol):
         """
         ...
 
-    def take_count(self, stamp: int, count: float, link: int = 0) -> None:
-        """Accept how many messages a link's relay has published up to a sample."""
+    def take_count(self, stamp: int, count: float, more: float = 0.0, link: int = 0) -> None:
+        """Accept how many messages a link's relay has published up to a sample, and `more`."""
         ...
 
 
@@ -82,12 +84,8 @@ class RelayStepper(Changing, Protocol):
         ...
 
 
-class LeaderStepper(Protocol):
-    """Vehicle 0: publishes its motion as far as it may."""
-
-    def take_horizon(self, horizon: int) -> None:
-        """Accept the last sample that may be published."""
-        ...
+Clocked: TypeAlias = WallFollower | WallLeader
+"""What takes its samples by a clock."""
 
 
 @dataclass(frozen=True)
@@ -106,29 +104,41 @@ class Steppers:
     clock: Clock
 
     def follower(
+        self, follower: Follower, publish_state: PublishState, **options: Any
+    ) -> FollowerStepper:
+        """Return the stepper of a follower in lockstep; see `LockstepFollower`."""
+        return LockstepFollower(follower, self.scenario, publish_state, **options)
+
+    def clocked_follower(
         self,
         follower: Follower,
         publish_state: PublishState,
-        publish_command: PublishCommand | None = None,
+        publish_counts: Sequence[PublishCount],
+        publish_timing: PublishTiming,
         *,
-        publish_reception: PublishReception | None = None,
-        publish_monitor: PublishMonitor | None = None,
-        tell: Tell | None = None,
-        law: ControlLaw | None = None,
-        initial: State[float] | None = None,
-    ) -> FollowerStepper:
-        """Return the stepper of a follower; see `LockstepFollower`."""
-        return LockstepFollower(
+        resumed: bool = False,
+        **options: Any,
+    ) -> WallFollower:
+        """Return the stepper of a follower by its clock; see `WallFollower`.
+
+        One that is `resumed` goes by its record first; see `ResumedFollower`.
+        """
+        follows = ResumedFollower if resumed else WallFollower
+        return follows(
             follower,
             self.scenario,
             publish_state,
-            publish_command,
-            law,
-            publish_reception=publish_reception,
-            publish_monitor=publish_monitor,
-            tell=tell,
-            initial=initial,
+            clock=self.clock,
+            publish_counts=publish_counts,
+            publish_timing=publish_timing,
+            **options,
         )
+
+    def recorded_follower(
+        self, follower: Follower, publish_state: PublishState, **options: Any
+    ) -> RecordedFollower:
+        """Return the stepper of a follower by recorded timing; see `RecordedFollower`."""
+        return RecordedFollower(follower, self.scenario, publish_state, **options)
 
     def relay(
         self,
@@ -138,9 +148,14 @@ class Steppers:
         *,
         channel: Channel | None = None,
     ) -> RelayStepper:
-        """Return the stepper of a relay; see `LockstepRelay`."""
-        return LockstepRelay(follower, self.scenario, publish, publish_count, channel)
+        """Return the stepper of a relay; see `LockstepRelay`, `WallRelay`, `BestEffortRelay`."""
+        relay: type[LockstepRelay] = WallRelay if self.scenario.clocked else LockstepRelay
+        if follower.v2v.best_effort:
+            relay = BestEffortRelay
+        return relay(follower, self.scenario, publish, publish_count, channel)
 
-    def leader(self, publish_state: PublishState) -> LeaderStepper:
-        """Return the stepper of the leader; see `LockstepLeader`."""
+    def leader(self, publish_state: PublishState) -> LockstepLeader | WallLeader:
+        """Return the stepper of the leader; see `LockstepLeader` and `WallLeader`."""
+        if self.scenario.clocked:
+            return WallLeader(self.scenario, publish_state, self.clock)
         return LockstepLeader(self.scenario, publish_state)

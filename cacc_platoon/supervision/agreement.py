@@ -11,6 +11,7 @@ from cacc_platoon.scenario.names import split_vehicle
 
 LOCAL = {
     *("run.hosts", "run.spawn", "run.manual_nodes", "run.real_time_factor", "run.start_timeout"),
+    *("run.remote_hosts", "run.host_commands"),
     *("run.stall_timeout", "record.directory", "record.parts", "leader.file", "leader.digest"),
 }
 """Parameters of which a manually started node may have values of its own."""

@@ -17,12 +17,18 @@ from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.names import NodeName, host_name
 from cacc_platoon.scenario.run_event import EventKind
 from cacc_platoon.scenario.timeline import change_of
+from cacc_platoon.supervision.host_plan import nodes_of
 from cacc_platoon.supervision.protocol import HostState, OtherVersionError, ProtocolError
 from cacc_platoon.supervision.run_events import MessageRefused
 from msg_adapters.topics import Graph
 
 FOREIGN = "another publisher"
 """What a line says of whoever is none of ours."""
+ADVICE = (
+    "Another platoon or publisher uses these names; give one of them another platoon.namespace "
+    "or ROS_DOMAIN_ID"
+)
+"""What to do about them."""
 RECORDER_HOST = "recorder"
 """Name of the host that is a manually started recorder."""
 
@@ -45,6 +51,9 @@ class OwnHost:
         Its process, where that is known before it is started.
     early : bool
         Whether it is there before the supervisor has shown itself.
+    remote : str
+        What to call a host that others start and that is waited for by its name; empty for one of
+        ours. Which process it is, and where it records, is its own affair.
     """
 
     name: str
@@ -53,6 +62,7 @@ class OwnHost:
     part: str = ""
     pid: int | None = None
     early: bool = False
+    remote: str = ""
 
     @property
     def all_nodes(self) -> frozenset[str]:
@@ -109,6 +119,10 @@ class Belief:
             str(node): frozenset(topic.name for topic in topics.publishes)
             for node, topics in graph.nodes.items()
         }
+        self._recorded_with = {
+            str(node): frozenset(topic.name for topic in graph.recorded_with(node))
+            for node in graph.nodes
+        }
         by_graph = {topic: node for node, topics in self._published.items() for topic in topics}
         self._publishers = publishers or by_graph
 
@@ -132,16 +146,32 @@ class Belief:
         """
         graph = Graph.of(scenario)
         started = [
-            OwnHost(
-                name,
-                frozenset(str(node) for node in nodes),
-                frozenset(topic.name for node in nodes for topic in graph.nodes[node].publishes),
-                str(part.absolute()),
-            )
-            for name, nodes, part in hosts
+            OwnHost(name, *_may(graph, nodes), str(part.absolute())) for name, nodes, part in hosts
         ]
-        manual = scenario.run.manual_nodes if scenario.run.spawn else scenario.node_names
-        return cls(graph, [*started, own], manual=manual, parts=scenario.record.parts)
+        remote = [
+            OwnHost(host.name, *_may(graph, nodes_of(scenario, host)), remote=f"{host}")
+            for host in scenario.remote_hosts
+        ]
+        there = frozenset[str]().union(*(host.nodes for host in remote))
+        manual = scenario.run.manual_nodes
+        if not scenario.run.spawn:
+            manual = tuple(name for name in scenario.node_names if name not in there)
+        return cls(graph, [*started, *remote, own], manual=manual, parts=scenario.record.parts)
+
+    def missing(self, nodes: Iterable[str], hosts: Mapping[str, HostState]) -> list[str]:
+        """Return which of some nodes have not come, in the words for a line.
+
+        The nodes of a host that is waited for by its name go by that, together.
+        """
+        present = {node for host in hosts.values() for node in host.nodes}
+        named = {
+            node: own.remote
+            for own in self._own.values()
+            if own.name not in hosts
+            for node in own.nodes
+            if own.remote
+        }
+        return [*dict.fromkeys(named.get(node, node) for node in nodes if node not in present)]
 
     def doubt(
         self,
@@ -165,8 +195,12 @@ class Belief:
             Whether nodes may still come, or come again.
         """
         own = self._own.get(state.host)
+        before = known.get(state.host)
         if own:
-            doubt = _doubt_own(state, own, processes.get(own.name, own.pid))
+            pid = processes.get(own.name, own.pid)
+            if own.remote and before and not waiting:
+                pid = before.pid
+            doubt = _doubt_own(state, own, pid)
         else:
             doubt = self._doubt_manual(state, known, waiting)
         if doubt := doubt or _doubt_events(state):
@@ -188,13 +222,13 @@ class Belief:
         if before and before.pid != state.pid and not waiting:
             return f"process {state.pid} speaks for it, but it is process {before.pid}"
         recordable: frozenset[str] = frozenset().union(
-            *(self._published[node] for node in nodes or self._published)
+            *(self._recorded_with[node] for node in nodes or self._recorded_with)
         )
         return _doubt_records(state, recordable)
 
     def _recorded_elsewhere(self, state: HostState) -> str:
         """Say that what a manually started host records would not be found."""
-        if not state.part or (self._parts and _inside(state.part, self._parts)):
+        if not state.part or (self._parts and inside(state.part, self._parts)):
             return ""
         where = f"outside of record.parts = {self._parts}" if self._parts else "unknown to the run"
         return (
@@ -237,19 +271,26 @@ class Belief:
         return frozenset(f"{self._platoon.prefix}/{node}" for node in nodes)
 
 
+def _may(graph: Graph, nodes: Iterable[NodeName]) -> tuple[frozenset[str], frozenset[str]]:
+    """Return what a host of some nodes may run, and record."""
+    nodes = tuple(nodes)
+    records = (topic.name for node in nodes for topic in graph.recorded_with(node))
+    return frozenset(map(str, nodes)), frozenset(records)
+
+
 def _doubt_own(state: HostState, own: OwnHost, pid: int | None) -> str:
     if pid is not None and state.pid != pid:
         return f"process {state.pid} speaks for it, but it is process {pid}"
     if strange := [node for node in _besides_recorder(state) if node not in own.nodes]:
         return f"says that it runs {strange[0]}, which it was not given"
-    if state.part not in ("", own.part):
+    if state.part not in ("", own.part) and not own.remote:
         return f"says that it records in {state.part}, but it was given {own.part or 'no folder'}"
     return _doubt_records(state, own.records)
 
 
 def _doubt_records(state: HostState, recordable: frozenset[str]) -> str:
     if strange := [topic for topic in state.records if topic not in recordable]:
-        return f"says that it records {strange[0]}, which none of its nodes publishes"
+        return f"says that it records {strange[0]}, which is not for it to record"
     return ""
 
 
@@ -270,5 +311,6 @@ def _besides_recorder(state: HostState) -> Sequence[str]:
     return [node for node in state.nodes if not node.startswith(f"{host_name(state.host)}/")]
 
 
-def _inside(part: str, folder: str) -> bool:
+def inside(part: str, folder: str) -> bool:
+    """Return whether a part lies in a folder, symbolic links followed."""
     return Path(os.path.realpath(folder)) in Path(os.path.realpath(part)).parents

@@ -6,6 +6,7 @@ import os
 import sys
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from rclpy.executors import Executor
@@ -16,6 +17,8 @@ from cacc_platoon.nodes.executor import spin_for
 from cacc_platoon.scenario.run_event import RunEvent
 from cacc_platoon.supervision.launcher import HostProcesses
 from cacc_platoon.supervision.log import LOG, logs_to_stderr
+from cacc_platoon.supervision.pause_services import Heeded
+from cacc_platoon.supervision.pausing import Asked
 from cacc_platoon.supervision.protocol import RunPhase
 from cacc_platoon.supervision.run_events import (
     Action,
@@ -34,6 +37,7 @@ from cacc_platoon.supervision.run_events import (
     PublishStatus,
     RecordersConnected,
     RecordTheRest,
+    RestartHost,
     SignalReceived,
     StartHosts,
     Tell,
@@ -41,11 +45,17 @@ from cacc_platoon.supervision.run_events import (
     Warn,
 )
 from cacc_platoon.supervision.run_machine import RunMachine
-from cacc_platoon.supervision.run_state import Run, Stage, some
+from cacc_platoon.supervision.run_state import Run, Stage, shown_sample, some
 from cacc_platoon.supervision.supervisor_node import SupervisorNode, end_supervisor
 from cacc_platoon.time_limit import time_limit
 
 TICK = 0.02
+CLOCK_PERIOD = 0.2
+"""How often the simulated time is published at least, where it is [s]."""
+CLOCKS_PERIOD = 1.0
+"""How often hosts are asked for the time, where vehicles keep it by clocks [s]."""
+VIEW_PERIOD, VIEW_PERIOD_OF_VEHICLE = 0.2, 0.004
+"""How often viewers are shown what vehicles do [s], at least, and for each vehicle."""
 DDS_LIMIT = 10.0
 """How long nodes may take to end [s]; a mutex of a killed process would hold them for ever."""
 
@@ -71,6 +81,9 @@ class Crew:
     def start_hosts(self) -> None:
         """Start the processes."""
 
+    def restart(self, host: str) -> None:
+        """Start the process of a host again."""
+
     def record_the_rest(self, topics: Sequence[str]) -> None:
         """Start a host in this process that records topics."""
 
@@ -82,6 +95,10 @@ class Crew:
 
     def poll(self) -> None:
         """Do what has to be done periodically."""
+
+    def ended(self) -> list[ProcessEnded]:
+        """Return the hosts whose processes have ended."""
+        return self.processes.ended()
 
     def trouble(self) -> str:
         """Say what the run cannot do without and has lost; empty as long as all is there."""
@@ -136,7 +153,10 @@ class Conductor:
         self._observe, self._stopped = observe, stopped
         self.run = machine.begin(run_id, time.monotonic())
         self.start_time: float | None = None
-        node.feed = self.feed
+        self._shown, self._shown_at, self._asked = -1, float("-inf"), float("-inf")
+        node.feed, node.ask = self.feed, self.ask
+        self._view_asked = 0.0
+        self._view_period = max(VIEW_PERIOD, VIEW_PERIOD_OF_VEHICLE * len(node.graph.vehicles))
 
     @property
     def samples(self) -> int:
@@ -168,11 +188,31 @@ class Conductor:
 
     def _conduct(self) -> EndRun:
         while self.run.end is None or self.run.stage is not Stage.OVER:
-            self._observe(self.run.stage, self.run.progress + 1, self._machine.samples)
+            doing = self._machine.doing(self.run)
+            self._observe(doing, self.run.progress + 1, self._machine.samples)
             spin_for(self._executor, TICK)
             self._look_around()
             self.feed(Tick())
+            self._show_time()
         return self.run.end
+
+    def ask(self, asked: Asked) -> Heeded:
+        """Do what a user asks for, if that can be; say what comes of it."""
+        if why := self._machine.refuses(self.run, asked):
+            return Heeded(False, why)
+        self.feed(asked)
+        held = self.run.held
+        return Heeded(True, "goes on" if held is None else f"pauses at sample {held}")
+
+    def _show_time(self) -> None:
+        """Publish the simulated time, and again now and then for latecomers; it never goes back."""
+        if not self._node.shows_time or self.run.started is None:
+            return
+        now = time.monotonic()
+        shown = max(self._shown, self._machine.simulated(self.run, now))
+        if shown > self._shown or now - self._shown_at > CLOCK_PERIOD:
+            self._shown, self._shown_at = shown, now
+            self._node.publish_clock(shown)
 
     def feed(self, event: Event) -> None:
         """Let the machine decide about an event, and carry out what follows."""
@@ -184,12 +224,20 @@ class Conductor:
         for action in actions:
             self._carry_out(action)
 
+    def _ask_for_view(self) -> None:
+        """Let viewers, if there are any, see how far the vehicles are."""
+        now, sample = time.monotonic(), shown_sample(self.run, self._node.scenario)
+        if sample >= 0 and now - self._view_asked >= self._view_period:
+            self._view_asked = now
+            self._node.ask_for_view(sample)
+
     def _look_around(self) -> None:
         """Feed what nobody reports."""
+        self._ask_for_view()
         self._crew.poll()
         if (name := self._stopped()) and not self.run.signal:
             self.feed(SignalReceived(name))
-        for ended in self._crew.processes.ended():
+        for ended in self._crew.ended():
             if ended.host not in self.run.ended_processes:
                 self.feed(ended)
         if (trouble := self._crew.trouble()) and trouble not in self.run.refused:
@@ -210,7 +258,8 @@ class Conductor:
             case ObserveGraph():
                 processes = [host.pid for host in self.run.hosts.values()]
                 processes += self.run.processes.values()
-                self.feed(self._node.look(self._machine.publishers(self.run), processes))
+                publishers, gone = self._machine.publishers(self.run), self.run.gone
+                self.feed(self._node.look(publishers, processes, gone))
             case Warn(line):
                 _warn(line)
             case _:
@@ -225,6 +274,8 @@ class Conductor:
                 self._node.follow_recorder(host)
             case StartHosts():
                 self._crew.start_hosts()
+            case RestartHost(host):
+                self._crew.restart(host)
             case RecordTheRest(topics):
                 self._crew.record_the_rest(topics)
             case Tell(event):
@@ -243,7 +294,11 @@ class Conductor:
             outside = self._node.outside_subscribers(nodes)
         if run.phase is RunPhase.RUNNING and self.start_time is None:
             self.start_time = process_age()
-        self._node.publish_status(self._machine.status(run, outside))
+        status = self._machine.status(run, outside)
+        if self._machine.asks_clocks and time.monotonic() - self._asked > CLOCKS_PERIOD:
+            self._asked = time.monotonic()
+            status = replace(status, sent=time.time_ns())
+        self._node.publish_status(status)
 
 
 def _log_event(event: Event, run: Run) -> None:

@@ -16,9 +16,11 @@ from cacc_platoon.dds import shared_memory
 from cacc_platoon.errors import UserError
 from cacc_platoon.nodes.executor import create_executor, spin_for
 from cacc_platoon.nodes.leader import LeaderNode
+from cacc_platoon.nodes.node import PlatoonNode
 from cacc_platoon.nodes.noise_relay import NoiseRelayNode
 from cacc_platoon.nodes.recorder import RecorderNode
 from cacc_platoon.nodes.vehicle import VehicleNode
+from cacc_platoon.runs.past import Past
 from cacc_platoon.scenario.names import NodeKind
 from cacc_platoon.stop_signal import STOP_SIGNALS, StopSignal
 from cacc_platoon.supervision.host_plan import HostPlan
@@ -55,15 +57,19 @@ def run_host(plan: HostPlan, lifeline: Connection) -> None:
     with logging_to(plan.log):
         start_ros([])
         graph = Graph.of(plan.scenario)
-        topics = [topic for node in plan.nodes for topic in graph.nodes[node].publishes]
+        topics = [topic for node in plan.nodes for topic in graph.recorded_with(node)]
         failure = ""
         with taking_part():
-            recorder = RecorderNode(plan.scenario, plan.name, topics, plan.part)
+            past = Past(plan.ended, plan.part.parent) if plan.ended else None
+            recorder = RecorderNode(plan.scenario, plan.name, topics, plan.part, past)
             nodes: list[Node] = [recorder]
             try:
-                nodes += [NODE_CLASSES[kind](plan.scenario, index) for kind, index in plan.nodes]
+                for kind, index in plan.nodes:
+                    nodes.append(NODE_CLASSES[kind](plan.scenario, index, past=past))
             except UserError as error:  # own code may fail here and nowhere before
                 failure = str(error)
+        if past is not None:
+            _resume(nodes)
         session = HostSession(
             plan.name,
             nodes,
@@ -72,8 +78,20 @@ def run_host(plan: HostPlan, lifeline: Connection) -> None:
             part=str(recorder.folder),
             run=plan.run,
             failure=failure,
+            past=past,
         )
         sys.exit(serve(nodes, session, recorder, stop, lifeline.poll))
+
+
+def _resume(nodes: Iterable[Node]) -> None:
+    """Let the nodes of a host that was started again work through what was recorded before.
+
+    What happened in them then was told when it happened.
+    """
+    for node in nodes:
+        if isinstance(node, PlatoonNode):
+            node.resume()
+            node.events.clear()
 
 
 def host_signals() -> StopSignal:
@@ -91,8 +109,13 @@ def serve(
     recorder: RecorderNode | None,
     stop: StopSignal,
     orphaned: Callable[[], bool] = lambda: False,
+    *,
+    give: Callable[[Executor], None] = lambda executor: None,
 ) -> int:
-    """Spin the nodes of a host until the run has ended; close the part; return the exit code."""
+    """Spin the nodes of a host until the run has ended; close the part; return the exit code.
+
+    Once the run has ended and the part is closed, `give` may hand it over, spinning the nodes.
+    """
     nodes = list(nodes)
     executor = create_executor()
     for node in nodes:
@@ -104,6 +127,8 @@ def serve(
         if recorder:
             recorder.close()
     session.close()
+    if session.ended:
+        give(executor)
     exit_code = 0 if session.finished else stop.exit_code or 1
     with time_limit(DDS_LIMIT, exit_code), shared_memory.cleared_segments():
         executor.shutdown()

@@ -84,20 +84,28 @@ class HostMachine:
         """How many samples the run takes, as far as the supervisor has said; 0 before."""
         return self.status.samples if self.status else 0
 
+    @property
+    def start(self) -> int:
+        """When sample 0 is due by clocks [ns since 1970]; 0 as long as that is not known."""
+        return self.status.start if self.status and self._in(RunPhase.RUNNING) else 0
+
     def abandoned(self, now: float) -> bool:
         """Whether the supervisor was there once and has fallen silent."""
         return self.received_at is not None and now - self.received_at > self.silence_limit
 
-    def take_status(self, status: RunStatus, now: float) -> HostMachine:
+    def take_status(self, status: RunStatus, now: float, received: int = 0) -> HostMachine:
         """Take note of a supervisor's status; without a run, its run is the one to belong to.
 
-        A run that is over, whose last word is still there, is none to belong to.
+        A run that is over, whose last word is still there, is none to belong to. Where an answer is
+        asked for, it says when the status was received [ns since 1970].
         """
         if not self.state.run and status.phase.ended:
             return self
         state = self.state if self.state.run else replace(self.state, run=status.run)
         if status.run != state.run:
             return self
+        if status.sent:
+            state = replace(state, answers=status.sent, answered=received)
         return replace(self, state=state, status=status, received_at=now)
 
     def take_connections(self, endpoints: Iterable[Endpoint]) -> HostMachine:

@@ -11,12 +11,14 @@ from typing import TYPE_CHECKING
 from cacc_platoon.errors import UserError
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.names import NodeName, host_name
+from cacc_platoon.scenario.remote_hosts import RemoteHost
 
 if TYPE_CHECKING:
     from cacc_platoon.runs.folder import RunFolder  # heavy, and hosts need it not
 
-LOCALHOST_PARTICIPANTS = 32
-"""DDS participants that find each other on one machine by unicast, the supervisor included."""
+LOCALHOST_PARTICIPANTS = 100
+"""DDS participants that find each other on one machine by unicast, the supervisor included; Fast
+DDS tries no more ports for one, and `loopback.xml` announces it to so many."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +39,8 @@ class HostPlan:
         Folder of its part, file of its log.
     verbose : bool
         Whether it logs to standard error too.
+    ended : Path, optional
+        Where the part is of its process that ended, to go on from.
     """
 
     run: str
@@ -46,12 +50,13 @@ class HostPlan:
     part: Path
     log: Path
     verbose: bool = False
+    ended: Path | None = None
 
 
 def divide(scenario: Scenario, cores: int) -> list[list[NodeName]]:
     """Return the nodes of each host that a run starts, neighbours together.
 
-    A relay goes with its receiver. Manually started nodes are left out.
+    A relay goes with its receiver. Nodes that others start, singly or by host, are left out.
 
     Parameters
     ----------
@@ -60,7 +65,12 @@ def divide(scenario: Scenario, cores: int) -> list[list[NodeName]]:
     cores : int
         How many hosts there are when the scenario leaves it open.
     """
-    nodes = [node for node in scenario.nodes if str(node) not in scenario.run.manual_nodes]
+    elsewhere = {vehicle for host in scenario.remote_hosts for vehicle in host.vehicles}
+    nodes = [
+        node
+        for node in scenario.nodes
+        if str(node) not in scenario.run.manual_nodes and node.vehicle not in elsewhere
+    ]
     vehicles = [list(own) for _, own in groupby(nodes, key=attrgetter("vehicle"))]
     if scenario.run.hosts == "per_node":
         return [[node] for vehicle in vehicles for node in vehicle]
@@ -71,6 +81,11 @@ def divide(scenario: Scenario, cores: int) -> list[list[NodeName]]:
         [node for vehicle in vehicles[begin:end] for node in vehicle]
         for begin, end in pairwise(cuts)
     ]
+
+
+def nodes_of(scenario: Scenario, host: RemoteHost) -> tuple[NodeName, ...]:
+    """Return the nodes of a host that others start, from front to rear."""
+    return tuple(node for node in scenario.nodes if node.vehicle in host.vehicles)
 
 
 def plan_hosts(

@@ -5,7 +5,9 @@ What that means is decided in `host_machine`; here are topics, connections and t
 
 from __future__ import annotations
 
+import math
 import os
+import platform
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
@@ -15,9 +17,11 @@ from std_msgs.msg import String
 
 from cacc_platoon.nodes import qos
 from cacc_platoon.nodes.node import PlatoonNode
+from cacc_platoon.nodes.recorder import RecorderNode
+from cacc_platoon.runs.past import Past
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.supervision.agreement import shared_parameters
-from cacc_platoon.supervision.host_machine import Endpoint, HostMachine
+from cacc_platoon.supervision.host_machine import Endpoint, HostMachine, missing_connections
 from cacc_platoon.supervision.log import LOG
 from cacc_platoon.supervision.protocol import (
     HostPhase,
@@ -25,12 +29,18 @@ from cacc_platoon.supervision.protocol import (
     OtherVersionError,
     ProtocolError,
     RunStatus,
+    sendable,
 )
 from cacc_platoon.supervision.run_state import some
-from msg_adapters.topics import PlatoonTopics
+from cacc_platoon.supervision.view_answers import ViewAnswers
+from msg_adapters.topics import Graph, PlatoonTopics
 
 STATES = 10
 """States of a host that there is room for; few of them matter."""
+CONNECTION_MARGIN = 0.5
+"""For so long connections have to be there before a host that was started again goes on [s]."""
+CONNECTION_LIMIT = 5.0
+"""So long a host that was started again waits for subscribers [s]; some may have ended."""
 SUPERVISOR_LIMIT = 10.0
 """So many start time-outs a host waits for a run."""
 
@@ -54,6 +64,9 @@ class HostSession:
         Which run the host belongs to; without it, the first one it meets that is not over.
     failure : str, optional
         Why it cannot do its part; it is there to say so.
+    past : Past, optional
+        What was recorded before it joins a run that goes on; it waits then for those who receive
+        what it publishes.
     """
 
     def __init__(
@@ -66,6 +79,7 @@ class HostSession:
         part: str = "",
         run: str = "",
         failure: str = "",
+        past: Past | None = None,
     ) -> None:
         self._nodes = list(nodes)
         self._prefix = f"{scenario.platoon.namespace}/"
@@ -79,8 +93,12 @@ class HostSession:
             records=tuple(records),
             part=part,
             parameters={} if run else self._parameters(),
+            machine=sendable(platform.node()),
         )
-        self._misunderstood = False
+        self._misunderstood = self._begun = False
+        self._subscribers = Graph.of(scenario).subscribers if past else {}
+        self._past, self._scenario = past, scenario
+        self._heard_since = math.inf
         self._start_timeout = scenario.run.start_timeout
         self._wait = SUPERVISOR_LIMIT * self._start_timeout
         self._waits_since = time.monotonic()
@@ -88,6 +106,11 @@ class HostSession:
         topics, carrier = PlatoonTopics(scenario.platoon.namespace), self._nodes[0]
         self._publisher = carrier.create_publisher(String, topics.host_state, qos.latched(STATES))
         carrier.create_subscription(String, topics.status, self._on_status, qos.latched())
+        self._answers = [
+            ViewAnswers(node, host, lambda: self._machine.state.run)
+            for node in self._nodes
+            if isinstance(node, RecorderNode)
+        ]
         LOG.info("host %s: process %d, %s", host, state.pid, ", ".join(state.nodes))
         self._publish()
         if failure:
@@ -153,6 +176,7 @@ class HostSession:
         self._go_on(self._machine.close())
 
     def _on_status(self, message: String) -> None:
+        received = time.time_ns()
         try:
             status = RunStatus.from_json(message.data)
         except OtherVersionError as error:
@@ -165,9 +189,36 @@ class HostSession:
         if status.phase.ended and self._wait > self._start_timeout:  # that run will not come again
             self._wait, self._waits_since = self._start_timeout, time.monotonic()
         known = self._machine.status
-        self._go_on(self._machine.take_status(status, time.monotonic()))
+        self._go_on(self._machine.take_status(status, time.monotonic(), received))
+        if (start := self._machine.start) and not self._begun and self._is_heard():
+            self._begin(start)
         if self._machine.status is status and (known is None or known.phase is not status.phase):
             LOG.info("run %s: %s", status.run, " ".join([status.phase, status.message]).strip())
+
+    def _is_heard(self) -> bool:
+        """Return whether those are connected that receive what is published, or never come.
+
+        The other ends may see a connection somewhat later.
+        """
+        now = time.monotonic()
+        if self._past is None or now - self._waits_since > CONNECTION_LIMIT:
+            return True
+        if missing_connections(self._endpoints(), self._subscribers):
+            self._heard_since = math.inf
+        self._heard_since = min(self._heard_since, now)
+        return now - self._heard_since > CONNECTION_MARGIN
+
+    def _begin(self, start: int) -> None:
+        """Let the clocks of the nodes begin at a time [ns since 1970]."""
+        self._begun = True
+        now = time.monotonic_ns()
+        steady = now + start - time.time_ns()
+        if self._past:
+            sample = int((now - steady) / 1e9 / self._scenario.run.clock_period)
+            self._past.live_from = sample * self._scenario.step_ns
+        for node in self._nodes:
+            if isinstance(node, PlatoonNode):
+                node.begin(steady)
 
     def _go_on(self, machine: HostMachine) -> None:
         """Keep the new record, and publish its state when that is new."""

@@ -12,7 +12,7 @@ import re
 from enum import StrEnum
 from typing import NoReturn, TypeAlias, TypeVar
 
-VERSION = 2
+VERSION = 4
 MAX_CHARACTERS = 4 * 2**20
 """Of a whole message; the largest host there can be, of 1001 nodes, takes a tenth of it."""
 MAX_TEXT = 10_000

@@ -76,7 +76,9 @@ class HostProcesses:
     def start(
         self, plans: Sequence[Plan], target: Callable[[Any, Connection], None] = run_host
     ) -> None:
-        """Start a process for each plan, which runs it by `target`."""
+        """Start a process for each plan, which runs it by `target`; again, where one has ended."""
+        for plan in plans:
+            self._running.pop(plan.name, None)
         self._began = time.monotonic()
         self._starter = threading.Thread(target=self._start, args=(plans, target), daemon=True)
         self._starter.start()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from cacc_platoon.supervision.belief import FOREIGN
+from cacc_platoon.supervision.belief import ADVICE, FOREIGN
 from cacc_platoon.supervision.protocol import RunPhase
 from cacc_platoon.supervision.run_events import RivalHeard
 from cacc_platoon.supervision.run_state import Run, refuse
@@ -15,10 +15,6 @@ NEWCOMER_LOOKS = 10
 """How often it looks meanwhile, at least: on a busy machine, time alone shows nothing."""
 RIVAL_PATIENCE = 5.0
 """How long another supervisor may take to give way [s]."""
-ADVICE = (
-    "Another platoon or publisher uses these names; give one of them another platoon.namespace "
-    "or ROS_DOMAIN_ID"
-)
 _FURTHER = (RunPhase.WAITING, RunPhase.MATCHING, RunPhase.RUNNING)
 
 

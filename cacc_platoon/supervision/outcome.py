@@ -8,7 +8,11 @@ from cacc_platoon.runs.info import EndStatus
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.supervision.run_events import EndRun
 from cacc_platoon.supervision.run_state import joined
-from cacc_platoon.supervision.stall_diagnosis import last_sample, stopped_first
+from cacc_platoon.supervision.stall_diagnosis import (
+    last_sample,
+    stopped_first,
+    stopped_together,
+)
 
 
 def lacking(topics: Iterable[str], samples: int, counts: Mapping[str, int]) -> str:
@@ -56,5 +60,7 @@ def conclude(
         status, message, stalled = EndStatus.FAILED, short, True
     if status is EndStatus.FAILED:
         who = stopped_first(scenario, counts) if stalled else []
+        if stalled and not who and not end.silent and counts:
+            who = stopped_together(scenario, counts)
         message = joined([message, *end.silent, *who, last_sample(scenario, counts)])
     return status, message

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from cacc_platoon.scenario import Scenario
+from cacc_platoon.stepping.wall import CLOCK_MARGIN
 
 
 def horizon(scenario: Scenario, progress: int, elapsed: float) -> int:
@@ -31,6 +32,34 @@ def furthest_sample(scenario: Scenario, horizon: int) -> int:
     end may be ahead of the leader by one sample for each vehicle between.
     """
     return horizon + scenario.platoon.followers
+
+
+LEAD, LEAD_OF_A_VEHICLE = 0.5, 0.01
+"""How long before its start a run by clocks is announced, and more for each vehicle [s].
+
+By then everybody has to know it, and each vehicle where the one ahead begins.
+"""
+
+
+def start_by_clocks(scenario: Scenario, now: float) -> float:
+    """Return when sample 0 of a run by clocks is due that begins now [s]."""
+    return now + LEAD + LEAD_OF_A_VEHICLE * len(scenario.vehicles)
+
+
+def sample_by_clocks(scenario: Scenario, elapsed: float) -> int:
+    """Return the last sample that anybody can have taken so long after the start [s]."""
+    return int((elapsed + CLOCK_MARGIN) / scenario.run.clock_period)
+
+
+def end_by_clocks(scenario: Scenario) -> float:
+    """Return how long after its start a run by clocks has to be complete [s]."""
+    return scenario.samples * scenario.run.clock_period + stall_limit(scenario)
+
+
+def known_ahead(scenario: Scenario) -> int:
+    """Return at how many samples more a relay may know that nothing is delivered."""
+    counts = any(follower.counted for follower in scenario.followers)
+    return scenario.run.window if counts else 0
 
 
 NODES_IN_TIME = 100

@@ -43,7 +43,10 @@ def taking_part() -> Iterator[None]:
     """
     for _ in range(_TRIES):
         node = rclpy.create_node(
-            _NAME, use_global_arguments=False, enable_rosout=False, start_parameter_services=False
+            _NAME,
+            use_global_arguments=False,
+            enable_rosout=False,
+            start_parameter_services=False,
         )
         lost = removed_ports()
         if not lost:

@@ -9,11 +9,12 @@ import os
 import shutil
 import time
 import uuid
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rclpy.executors import Executor
+from rclpy.node import Node
 
 from cacc_platoon.bags.rows import Recording
 from cacc_platoon.dds import shared_memory
@@ -28,14 +29,19 @@ from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.run_event import EventKind, RunEvent
 from cacc_platoon.scenario.timeline import change_of
 from cacc_platoon.supervision.belief import Belief, OwnHost
+from cacc_platoon.supervision.clock_machine import ClockMachine, system_ahead
 from cacc_platoon.supervision.conductor import Conductor, Crew, Observer
+from cacc_platoon.supervision.fetching import fetch_parts, is_here
 from cacc_platoon.supervision.host import FLUSH_PERIOD
 from cacc_platoon.supervision.host_plan import HostPlan, plan_hosts
 from cacc_platoon.supervision.host_session import HostSession
 from cacc_platoon.supervision.log import LOG, logging_to, logs_to_stderr
 from cacc_platoon.supervision.outcome import conclude
-from cacc_platoon.supervision.run_machine import OWN_HOST, RunMachine
-from cacc_platoon.supervision.run_state import Run, summaries
+from cacc_platoon.supervision.pacing import start_by_clocks
+from cacc_platoon.supervision.remote_commands import RemoteCommands, words_of
+from cacc_platoon.supervision.run_events import ProcessEnded
+from cacc_platoon.supervision.run_machine import RunMachine
+from cacc_platoon.supervision.run_state import OWN_HOST, Run, summaries
 from cacc_platoon.supervision.supervisor_node import (
     SupervisorNode,
     end_supervisor,
@@ -73,6 +79,8 @@ def run_platoon(
     observe: Observer = lambda *_: None,
     stopped: Callable[[], str | None] = lambda: None,
     insisted: Callable[[], bool] = lambda: False,
+    *,
+    beside: Callable[[], Sequence[Node]] = tuple,
 ) -> Outcome:
     """Run a scenario on real nodes and leave a finished run folder.
 
@@ -90,6 +98,8 @@ def run_platoon(
         Returns the name of a signal that asks for the end of the run, or None.
     insisted : callable, optional
         Returns whether it was asked for again: then the bag is left to `platoon report`.
+    beside : callable, optional
+        Makes nodes that are spun in this process beside that of the supervisor.
 
     Raises
     ------
@@ -100,17 +110,24 @@ def run_platoon(
     multiprocessing.current_process().name = OWN_HOST
     run_id = uuid.uuid4().hex
     plans = _plans(scenario, path, run_id) if scenario.run.spawn else []
+    words = words_of(scenario, os.environ)
     node = start_supervisor(scenario)
     try:
-        folder = RunFolder.create(path, scenario)
+        folder = RunFolder.create(path, scenario, run_id)
     except BaseException:
         end_supervisor(node)
         raise
-    with logging_to(folder.logs / f"{OWN_HOST}.log"):
-        conductor, crew = _conductor(node, folder, plans, run_id, observe=observe, stopped=stopped)
+    remote = RemoteCommands(words, folder.logs)
+    with logging_to(folder.logs / f"{OWN_HOST}.log"), remote:
+        conductor, crew = _conductor(
+            node, folder, plans, run_id, remote, observe=observe, stopped=stopped
+        )
+        crew.take_along(beside())
         try:
             conductor.conduct()
-            return _finish(folder, crew.scenario, conductor, _until(insisted, observe))
+            elsewhere = crew.fetch(conductor.run, node, observe, insisted)
+            remote.stop()
+            return _finish(folder, crew.scenario, conductor, elsewhere, _until(insisted, observe))
         except BaseException as error:
             _say_what_happened(folder, error)
             raise
@@ -165,6 +182,8 @@ class RunCrew(Crew):
         Spins the recorder.
     folder : RunFolder
         Where it records.
+    remote : RemoteCommands
+        Start further hosts, elsewhere.
 
     Attributes
     ----------
@@ -179,8 +198,11 @@ class RunCrew(Crew):
         plans: Sequence[HostPlan],
         executor: Executor,
         folder: RunFolder,
+        *,
+        remote: RemoteCommands,
     ) -> None:
         super().__init__()
+        self._remote = remote
         self.scenario, self._run_id, self._plans = scenario, run_id, plans
         self._executor, self._folder = executor, folder
         self._trouble = ""
@@ -191,6 +213,37 @@ class RunCrew(Crew):
     def start_hosts(self) -> None:
         """Start the processes."""
         self.processes.start(self._plans)
+        self._remote.start()
+
+    def ended(self) -> list[ProcessEnded]:
+        """Return the hosts whose processes, here or elsewhere, have ended."""
+        return [*super().ended(), *self._remote.ended()]
+
+    def fetch(
+        self, run: Run, node: SupervisorNode, observe: Observer, given_up: Callable[[], bool]
+    ) -> Mapping[str, str]:
+        """Fetch what hosts on other machines have recorded; return what stays there, by host."""
+        return fetch_parts(
+            self.scenario,
+            run,
+            self._folder.parts,
+            node,
+            self._executor,
+            observe=lambda done, total: observe("fetching parts", done, total),
+            given_up=given_up,
+        )
+
+    def restart(self, host: str) -> None:
+        """Start the process of a host again, which goes on from what the one before recorded."""
+        (plan,) = (plan for plan in self._plans if plan.name == host)
+        ended = self._folder.ended_part(plan.part)
+        self.processes.start([replace(plan, ended=ended)])
+
+    def take_along(self, nodes: Sequence[Node]) -> None:
+        """Spin more nodes in this process until it leaves."""
+        for node in nodes:
+            self.nodes.append(node)
+            self._executor.add_node(node)
 
     def record_the_rest(self, topics: Sequence[str]) -> None:
         """Record topics in this process."""
@@ -251,6 +304,7 @@ def _conductor(
     folder: RunFolder,
     plans: Sequence[HostPlan],
     run_id: str,
+    remote: RemoteCommands,
     *,
     observe: Observer,
     stopped: Callable[[], str | None],
@@ -263,8 +317,13 @@ def _conductor(
     part = str((folder.parts / OWN_HOST).absolute())
     own = OwnHost(OWN_HOST, frozenset(), frozenset(topics), part, os.getpid())
     hosts = [(plan.name, plan.nodes, plan.part) for plan in plans]
-    machine = RunMachine(scenario, topics, Belief.in_run(scenario, hosts, own))
-    crew = RunCrew(scenario, run_id, plans, executor, folder)
+    belief = Belief.in_run(scenario, hosts, own)
+    machine = (
+        ClockMachine(scenario, topics, belief, ahead=system_ahead)
+        if scenario.clocked
+        else RunMachine(scenario, topics, belief)
+    )
+    crew = RunCrew(scenario, run_id, plans, executor, folder, remote=remote)
     conductor = Conductor(
         node, executor, machine, crew, run_id=run_id, observe=observe, stopped=stopped
     )
@@ -275,22 +334,25 @@ def _finish(
     folder: RunFolder,
     scenario: Scenario,
     conductor: Conductor,
+    elsewhere: Mapping[str, str],
     progress: Callable[[int, int], None],
 ) -> Outcome:
-    """Write run.json and the bag."""
+    """Write run.json and the bag, with all parts that are not still elsewhere, by host."""
     from cacc_platoon.runs.recording import first_samples, recorded_samples  # noqa: PLC0415  (heavy)
 
     run = conductor.run
     assert run.end is not None
-    recording = {**folder.recording(), **_parts_elsewhere(folder, run)}
-    topics = [topic.name for topic in Graph.of(scenario).recorded]
+    recording = {**folder.recording(), **_parts_elsewhere(folder, scenario, run)}
+    lacking = {topic for name in elsewhere for topic in run.hosts[name].records}
+    topics = [topic.name for topic in Graph.of(scenario).recorded if topic.name not in lacking]
     samples = conductor.samples
     if samples < scenario.samples:
         recording = first_samples(recording, Graph.of(scenario), samples * scenario.step_ns)
-    counts = recorded_samples(recording, Graph.of(scenario))
+    counts = recorded_samples(recording, Graph.of(scenario), samples)
     status, message = conclude(scenario, topics, run.end, counts, samples)
     LOG.info("%s", ": ".join(filter(None, [status, message])))
     info = _measured(conductor, scenario, folder.begun, status, message)
+    info = info.without_parts(elsewhere)
     try:
         info = folder.finish(scenario, recording, info, progress)
     except OSError as error:
@@ -309,9 +371,10 @@ def _without_bag(folder: RunFolder, info: RunInfo) -> RunInfo:
     return info
 
 
-def _parts_elsewhere(folder: RunFolder, run: Run) -> Recording:
+def _parts_elsewhere(folder: RunFolder, scenario: Scenario, run: Run) -> Recording:
     """Return what hosts recorded outside of the run folder, as far as it is on this machine."""
-    parts = [Path(host.part) for host in run.hosts.values() if host.part]
+    states = [host for host in run.hosts.values() if host.part and is_here(scenario, run, host)]
+    parts = [Path(host.part) for host in states]
     return read_parts([part for part in parts if folder.parts.absolute() not in part.parents])
 
 
@@ -320,7 +383,10 @@ def _measured(
 ) -> RunInfo:
     """Return how the run ended with its times, progress and hosts, for run.json."""
     run = conductor.run
-    wall = 0.0 if run.started is None or run.ended is None else run.ended - run.started
+    began = run.started
+    if began is not None and scenario.clocked:
+        began = start_by_clocks(scenario, began)
+    wall = 0.0 if began is None or run.ended is None else run.ended - began
     return dataclasses.replace(
         begun,
         status=status,
@@ -330,4 +396,5 @@ def _measured(
         real_time_factor=run.progress * scenario.run.step / wall if wall else None,
         start_time=conductor.start_time,
         hosts=summaries(run),
+        clock_offsets=run.offsets,
     )

@@ -8,6 +8,7 @@ that are not known are ignored; whatever changes the meaning of a known one is a
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -34,10 +35,16 @@ __all__ = [
     "RunPhase",
     "RunStatus",
     "sendable",
+    "text_digest",
 ]
 
 Parameters: TypeAlias = Mapping[str, Mapping[str, Value]]
 """Values by parameter name, by node."""
+
+
+def text_digest(text: str) -> str:
+    """Return what tells a scenario's text from every other."""
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 class HostPhase(StrEnum):
@@ -94,6 +101,11 @@ class HostState:
         Parameters of manually started nodes, which have to be those of the run.
     events : tuple of RunEvent
         What happened in its nodes so far.
+    answers, answered : int
+        When the supervisor sent the status that is answered, by its clock, and when that came, by
+        the host's [ns since 1970]; 0 where no answer was asked for.
+    machine : str
+        Name of the machine that it runs on.
     """
 
     run: str
@@ -109,6 +121,9 @@ class HostState:
     failure: str = ""
     parameters: Parameters = field(default_factory=dict)
     events: tuple[RunEvent, ...] = ()
+    answers: int = 0
+    answered: int = 0
+    machine: str = ""
 
     def to_json(self) -> str:
         """Return the text of this record."""
@@ -128,6 +143,9 @@ class HostState:
                 "failure": self.failure,
                 "parameters": self.parameters,
                 "events": [event._asdict() for event in self.events],
+                "answers": self.answers,
+                "answered": self.answered,
+                "machine": self.machine,
             }
         )
 
@@ -155,6 +173,9 @@ class HostState:
             failure=fields.text("failure"),
             parameters=fields.parameters("parameters"),
             events=tuple(_run_event(event) for event in fields.items("events")),
+            answers=fields.integer("answers", at_least=0),
+            answered=fields.integer("answered", at_least=0),
+            machine=fields.text("machine"),
         )
 
 
@@ -176,6 +197,12 @@ class RunStatus:
         Hosts that have appeared.
     subscribers : mapping of str to int
         While matching: how many subscribers each data topic has to have before the run may start.
+    start : int
+        Where nodes keep time by clocks: when sample 0 is due [ns since 1970]; 0 before that is set.
+    sent : int
+        When this was sent [ns since 1970], where hosts are to answer; 0 otherwise.
+    scenario : str
+        SHA-256 of the text on <prefix>/scenario that the run has.
     """
 
     run: str
@@ -185,6 +212,9 @@ class RunStatus:
     message: str = ""
     hosts: tuple[HostInfo, ...] = ()
     subscribers: Mapping[str, int] = field(default_factory=dict)
+    start: int = 0
+    sent: int = 0
+    scenario: str = ""
 
     def to_json(self) -> str:
         """Return the text of this record."""
@@ -198,6 +228,9 @@ class RunStatus:
                 "message": self.message,
                 "hosts": [host.to_json() for host in self.hosts],
                 "subscribers": self.subscribers,
+                "start": self.start,
+                "sent": self.sent,
+                "scenario": self.scenario,
             }
         )
 
@@ -219,6 +252,9 @@ class RunStatus:
             message=fields.text("message"),
             hosts=tuple(_host_info(host) for host in fields.items("hosts")),
             subscribers=fields.counts("subscribers"),
+            start=fields.integer("start", at_least=0),
+            sent=fields.integer("sent", at_least=0),
+            scenario=fields.text("scenario"),
         )
 
 
@@ -240,4 +276,6 @@ def _host_info(value: object) -> HostInfo:
         name=fields.host("name"),
         pid=fields.integer("pid", at_least=1),
         nodes=fields.texts("nodes"),
+        machine=fields.text("machine"),
+        part=fields.text("part"),
     )

@@ -17,6 +17,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 
+import numpy as np
 from rclpy.node import Node
 from std_msgs.msg import Int64
 
@@ -28,6 +29,7 @@ from cacc_platoon.nodes.executor import create_executor
 from cacc_platoon.nodes.node import MESSAGE_TYPES
 from cacc_platoon.nodes.vehicle import VehicleNode
 from cacc_platoon.runs.info import EndStatus
+from cacc_platoon.runs.recording import count_of_each_sample
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.names import NodeKind, NodeName, host_name
 from cacc_platoon.supervision.conductor import Conductor, Crew, Observer
@@ -37,7 +39,7 @@ from cacc_platoon.supervision.log import log_to_stderr, logs_to_stderr
 from cacc_platoon.supervision.participant import start_ros
 from cacc_platoon.supervision.replay_machine import REPLAYED, REPLAYER, ReplayMachine
 from cacc_platoon.supervision.supervisor_node import start_supervisor
-from msg_adapters.topics import PlatoonTopics, Topic
+from msg_adapters.topics import Graph, PlatoonTopics, Topic
 
 Feed = Sequence[tuple[Topic, Sequence[Sequence[bytes]]]]
 """Topics with the messages of each sample."""
@@ -79,7 +81,7 @@ def run_node(plan: NodePlan, lifeline: Connection) -> None:
 
 def _make(plan: NodePlan) -> Node:
     if plan.node.kind == NodeKind.VEHICLE:
-        return VehicleNode(plan.scenario, plan.node.vehicle, initial=plan.initial)
+        return VehicleNode(plan.scenario, plan.node.vehicle, initial=plan.initial, replayed=True)
     return NODE_CLASSES[plan.node.kind](plan.scenario, plan.node.vehicle)
 
 
@@ -99,6 +101,11 @@ class Feeder:
     give : callable
         Called with each sample, in order.
 
+    Attributes
+    ----------
+    given : int
+        How many were given out.
+
     Examples
     --------
     >>> given = []
@@ -111,13 +118,13 @@ class Feeder:
 
     def __init__(self, samples: int, give: Callable[[int], None]) -> None:
         self._samples, self._give = samples, give
-        self._given = 0
+        self.given = 0
 
     def take_horizon(self, horizon: int) -> None:
         """Give every sample up to and including `horizon`."""
-        while self._given < min(horizon + 1, self._samples):
-            self._give(self._given)
-            self._given += 1
+        while self.given < min(horizon + 1, self._samples):
+            self._give(self.given)
+            self.given += 1
 
 
 class ReplayerNode(Node):  # type: ignore[misc]
@@ -138,10 +145,11 @@ class ReplayerNode(Node):  # type: ignore[misc]
     def __init__(self, scenario: Scenario, feed: Feed, expected: Expected, samples: int) -> None:
         namespace = scenario.platoon.namespace
         super().__init__("replayer", namespace=namespace, use_global_arguments=False)
+        self.scenario = scenario
         self.answers: dict[str, list[bytes]] = {topic.name: [] for topic, _ in expected}
         self._ends = {topic.name: ends for topic, ends in expected}
         self._samples, self._reported = samples, -1
-        self._stride = max(1, scenario.run.window // 4)
+        self._stride = scenario.run.stride
         profile = qos.stream(scenario)
         self._progress = self.create_publisher(
             Int64, PlatoonTopics(namespace).recorded(REPLAYER), qos.latched()
@@ -153,33 +161,47 @@ class ReplayerNode(Node):  # type: ignore[misc]
             )
             for topic, messages in feed
         ]
+        counts = {topics.complete for topics in Graph.of(scenario).counted_links.values()}
         for topic, _ in expected:
             kind = MESSAGE_TYPES[topic.kind.type_name]
-            receive = self._receiver(self.answers[topic.name])
+            receive = self._receiver(topic, topic in counts)
             self.create_subscription(kind, topic.name, receive, profile, raw=True)
-        feeder = Feeder(samples, self._publish)
+        self._feeder = Feeder(samples, self._publish)
         self.create_subscription(
-            Int64,
-            PlatoonTopics(namespace).horizon,
-            lambda message: feeder.take_horizon(message.data),
-            qos.latched(),
+            Int64, PlatoonTopics(namespace).horizon, self._go_on, qos.latched()
         )
+
+    def _go_on(self, horizon: Int64) -> None:
+        self._feeder.take_horizon(horizon.data)
+        self._report()
 
     def _publish(self, sample: int) -> None:
         for publisher, messages in self._feed:
             for message in messages[sample]:
                 publisher.publish(message)
 
-    def _receiver(self, answers: list[bytes]) -> Callable[[bytes], None]:
+    def _receiver(self, topic: Topic, counts: bool) -> Callable[[bytes], None]:
+        answers = self.answers[topic.name]
+        step_ns, size, samples = self.scenario.step_ns, topic.codec.size, self.scenario.samples
+
         def receive(data: bytes) -> None:
-            answers.append(data)
+            if counts and len(data) == size:
+                row = np.frombuffer(data, np.uint8)[np.newaxis]
+                each = count_of_each_sample(topic, row, step_ns, samples)
+                answers.extend(one.tobytes() for one in each)
+            else:
+                answers.append(data)
             self._report()
 
         return receive
 
     def _report(self) -> None:
-        """Say up to which sample every answer is here, periodically and at the end."""
+        """Say up to which sample every answer is here, periodically and at the end.
+
+        No further than that of the last input: by clocks a relay is ahead of what was used of it.
+        """
         done = min(bisect_right(ends, len(self.answers[name])) for name, ends in self._ends.items())
+        done = min(done, self._feeder.given + 1)
         if done - 1 >= self._reported + self._stride or done == self._samples:
             self._reported = done - 1
             self._progress.publish(Int64(data=done - 1))
@@ -246,6 +268,8 @@ def plan_replay(
     """Return the plan of a node that is to be replayed."""
     on = dataclasses.replace(scenario.run, stop_on_collision=False)
     scenario = dataclasses.replace(scenario, run=on)
+    if node == NodeKind.LEADER:
+        scenario = scenario.in_lockstep  # it hears of nobody, so that only a horizon paces it
     run, name = uuid.uuid4().hex, NodeName(NodeKind(node), index)
     return NodePlan(run, REPLAYED, name, scenario, initial, logs_to_stderr())
 

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.names import NodeName, host_name
 from cacc_platoon.supervision.belief import Belief, OwnHost
+from cacc_platoon.supervision.pausing import Asked
 from cacc_platoon.supervision.run_events import ProcessEnded
 from cacc_platoon.supervision.run_machine import RunMachine
 from cacc_platoon.supervision.run_state import Run, Stage
@@ -47,6 +48,14 @@ class ReplayMachine(RunMachine):
         )
         self._node = node
 
+    def begin(self, run_id: str, now: float) -> Run:
+        """Return the state of a replay that begins; it pauses nowhere."""
+        return super().begin(run_id, now)._replace(held=None)
+
+    def refuses(self, _run: Run, _asked: Asked) -> str:
+        """Say that there is no pause."""
+        return "a replay cannot be paused"
+
     def late(self, run: Run, missing: Sequence[str], limit: float) -> str:
         """Say what has not come in time."""
         if run.stage is Stage.STARTING:
@@ -69,7 +78,7 @@ def _belief(scenario: Scenario, node: NodeName, answers: Sequence[str]) -> Belie
     """Return whose word counts: the node answers, and the replayer is everybody else."""
     graph = Graph.of(scenario)
     publishers = {topic.name: REPLAYER for topic in graph.recorded}
-    publishers |= {topic.name: str(node) for topic in graph.nodes[node].publishes}
+    publishers |= {topic.name: str(node) for topic in graph.replayed(node).publishes}
     hosts = [
         OwnHost(REPLAYED, frozenset({str(node), SPOKESMAN}), frozenset()),
         OwnHost(REPLAYER, frozenset({REPLAYER}), frozenset(answers), "", os.getpid(), early=True),

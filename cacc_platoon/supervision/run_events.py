@@ -18,9 +18,18 @@ class Tick:
 
 @dataclass(frozen=True)
 class HostReported:
-    """A host says how it is."""
+    """A host says how it is.
+
+    Attributes
+    ----------
+    state : HostState
+        What it says.
+    returned : int
+        When that came [ns since 1970].
+    """
 
     state: HostState
+    returned: int = 0
 
 
 @dataclass(frozen=True)
@@ -96,6 +105,23 @@ class MeansLost:
 
 
 @dataclass(frozen=True)
+class PauseAsked:
+    """The user asks the run to wait."""
+
+
+@dataclass(frozen=True)
+class ResumeAsked:
+    """The user asks a run that waits to go on."""
+
+
+@dataclass(frozen=True)
+class StepAsked:
+    """The user asks a run that waits to go on by some samples, and to wait again."""
+
+    samples: int
+
+
+@dataclass(frozen=True)
 class SignalReceived:
     """A signal asks for the end of the run."""
 
@@ -113,6 +139,9 @@ Event: TypeAlias = (
     | HostsStarted
     | ProcessEnded
     | MeansLost
+    | PauseAsked
+    | ResumeAsked
+    | StepAsked
     | SignalReceived
 )
 
@@ -137,6 +166,13 @@ class Warn:
 @dataclass(frozen=True)
 class StartHosts:
     """Start the processes of the hosts."""
+
+
+@dataclass(frozen=True)
+class RestartHost:
+    """Start the process of a host again, which has ended."""
+
+    host: str
 
 
 @dataclass(frozen=True)
@@ -204,6 +240,7 @@ Action: TypeAlias = (
     | Announce
     | Warn
     | StartHosts
+    | RestartHost
     | FollowRecorder
     | RecordTheRest
     | PublishStatus

@@ -10,26 +10,31 @@ the list of events and times alone, and can be repeated from it.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
 
 from cacc_platoon.runs.info import EndStatus
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.run_event import EventKind, RunEvent
+from cacc_platoon.supervision import pausing
 from cacc_platoon.supervision.agreement import disagreements
-from cacc_platoon.supervision.belief import FOREIGN, Belief, beyond
+from cacc_platoon.supervision.belief import ADVICE, FOREIGN, Belief, beyond
+from cacc_platoon.supervision.ending import fail, leave, take_leave
 from cacc_platoon.supervision.newcomers import (
-    ADVICE,
     NEWCOMER_WAIT,
     looked_enough,
     met,
     without_rival,
 )
-from cacc_platoon.supervision.pacing import furthest_sample, horizon, stall_limit, start_limit
-from cacc_platoon.supervision.protocol import HostState, RunPhase, RunStatus, sendable
+from cacc_platoon.supervision.pacing import (
+    furthest_sample,
+    horizon,
+    known_ahead,
+    stall_limit,
+    start_limit,
+)
+from cacc_platoon.supervision.protocol import HostState, RunPhase, RunStatus
 from cacc_platoon.supervision.run_events import (
     Action,
     Announce,
-    CloseOwnHost,
     EndRun,
     Event,
     FollowRecorder,
@@ -39,32 +44,32 @@ from cacc_platoon.supervision.run_events import (
     MeansLost,
     MessageRefused,
     ObserveGraph,
+    PauseAsked,
     ProcessEnded,
     PublishHorizon,
     PublishStatus,
     Recorded,
     RecordersConnected,
     RecordTheRest,
+    ResumeAsked,
     RivalHeard,
+    SignalReceived,
     StartHosts,
+    StepAsked,
     Tell,
     Tick,
 )
 from cacc_platoon.supervision.run_state import (
-    NAMED_FAILURES,
+    OWN_HOST,
     Run,
     Stage,
     connections_left,
-    end_event,
-    joined,
+    named_failures,
     not_in_time,
     refuse,
-    silent_hosts,
     some,
-    spoiled,
-    summaries,
+    status,
     unmatched,
-    wanted_subscribers,
     warn,
     whose_process,
     with_changes,
@@ -73,13 +78,8 @@ from cacc_platoon.supervision.run_state import (
 )
 from msg_adapters.topics import PlatoonTopics
 
-GOODBYE_TIMEOUT = 3.0
-"""How long hosts may take to close their parts [s]."""
 GRAPH_PERIOD = 0.5
 """How often the graph is looked at [s]; every look takes time."""
-OWN_HOST = "supervisor"
-"""Name of the host in the supervisor's process."""
-
 
 Step = tuple[Run, list[Action]]
 
@@ -120,12 +120,15 @@ class RunMachine:
         self._newcomer_wait = newcomer_wait
         self._start_limit, self._stall_limit = start_limit(scenario), stall_limit(scenario)
         platoon = PlatoonTopics(scenario.platoon.namespace)
-        self._changes = scenario.changes
+        self._changes, self._known_ahead = scenario.changes, known_ahead(scenario)
         self._control = (platoon.status, platoon.horizon, platoon.scenario)
+
+    asks_clocks = False
+    """Whether it matters what the clocks of hosts show."""
 
     def begin(self, run_id: str, now: float) -> Run:
         """Return the state of a run that begins."""
-        return Run(run_id, Stage.LOOKING, now)
+        return Run(run_id, Stage.LOOKING, now, held=pausing.planned_pause(self.scenario))
 
     def publishers(self, run: Run) -> Mapping[str, frozenset[str]]:
         """Return which nodes may publish each topic of the platoon by now."""
@@ -142,19 +145,24 @@ class RunMachine:
             While matching: subscribers outside of the platoon for each data topic. They are
             waited for too, so they miss nothing.
         """
-        return RunStatus(
-            run=run.id,
-            phase=run.phase,
-            sample=run.progress,
-            samples=self.last_sample(run) + 1,
-            message=sendable(run.end.message) if run.end else "",
-            hosts=summaries(run),
-            subscribers=wanted_subscribers(run, outside) if outside else {},
-        )
+        return status(run, self.last_sample(run) + 1, outside or {})
 
     def last_sample(self, run: Run) -> int:
         """Return the sample at which a run ends, as far as that is known."""
         return self.samples - 1 if run.collided is None else min(self.samples - 1, run.collided)
+
+    def refuses(self, run: Run, asked: pausing.Asked) -> str:
+        """Say why nothing comes of what a user asks for; empty when something does."""
+        return pausing.refused(run, asked)
+
+    def doing(self, run: Run) -> str:
+        """Say what a run is doing, for whoever watches it."""
+        return f"paused at sample {run.held}" if pausing.rests(run, self.scenario) else run.stage
+
+    def simulated(self, run: Run, _now: float) -> int:
+        """Return the simulated time [ns] up to which everything has happened."""
+        rests = run.held is not None and pausing.rests(run, self.scenario)
+        return self.scenario.step_ns * max((run.held or 0) if rests else run.progress, 0)
 
     def step(self, run: Run, event: Event, now: float) -> Step:
         """Return the next state of a run and what is to be done.
@@ -174,28 +182,36 @@ class RunMachine:
                 step = self._take_recorded(run, host, sample, now)
             case Tick():
                 step = with_heartbeat(*self._judge(run, now), now)
-            case HostReported(state):
-                step = self._take_host(run, state)
+            case HostReported():
+                step = self._take_host(run, event)
             case GraphObserved():
                 warned, warnings = warn(run, event.harmless)
                 run, actions = self._judge_graph(warned, event, now)
                 step = run, [*warnings, *actions]
             case RivalHeard():
                 step = met(run, event, now, self._control[0]), []
-            case HostsStarted(processes):
-                step = self._take_processes(run, processes), []
-            case RecordersConnected(hosts):
-                step = run._replace(connected=hosts), []
-            case MessageRefused(reason) | MeansLost(reason):
-                step = refuse(run, reason), []
-            case ProcessEnded():
-                ended = {**run.ended_processes, event.host: event}
-                step = run._replace(ended_processes=ended), []
+            case PauseAsked() | ResumeAsked() | StepAsked():
+                step = self._heed(run, event, now)
             case _:
-                step = run._replace(signal=run.signal or event.name), []
+                step = self._take_down(run, event), []
         return step
 
     # What happens is taken down ...
+
+    def _take_down(self, run: Run, event: Event) -> Run:
+        match event:
+            case HostsStarted(processes):
+                return self._take_processes(run, processes)
+            case RecordersConnected(hosts):
+                return run._replace(connected=hosts)
+            case MessageRefused(reason) | MeansLost(reason):
+                return refuse(run, reason)
+            case ProcessEnded(host):
+                return run._replace(ended_processes={**run.ended_processes, host: event})
+            case SignalReceived(name):
+                return run._replace(signal=run.signal or name)
+            case _:
+                raise TypeError(f"{event} is no event of a run")
 
     def _take_recorded(self, run: Run, host: str, sample: int, now: float) -> Step:
         if host not in run.recorded:
@@ -208,7 +224,8 @@ class RunMachine:
             return run._replace(recorded=recorded), []
         return self._pace(run._replace(recorded=recorded, progress=progress, moved=now), now)
 
-    def _take_host(self, run: Run, state: HostState) -> Step:
+    def _take_host(self, run: Run, report: HostReported) -> Step:
+        state = report.state
         if state.run != run.id:
             return run, []
         if doubt := self._doubt(run, state):
@@ -218,7 +235,7 @@ class RunMachine:
         if state.records and state.host not in recorded:
             recorded = {**recorded, state.host: -1}
             actions = [FollowRecorder(state.host)]
-        run, news = with_news(run, state, stops=self.scenario.run.stop_on_collision)
+        run, news = with_news(run, state, stops=self.scenario.stops_on_collision)
         run = run._replace(hosts={**run.hosts, state.host: state}, recorded=recorded)
         return run, [*news, *actions]
 
@@ -232,6 +249,11 @@ class RunMachine:
         doubts = (self._doubt(run, state) for state in run.hosts.values())
         return refuse(run, *filter(None, doubts))
 
+    def _heed(self, run: Run, asked: pausing.Asked, now: float) -> Step:
+        run, told = pausing.heed(run, asked, self.scenario, now)
+        run, actions = self._pace(run, now)
+        return run, [*told, *actions]
+
     # ... and judged at the next tick.
 
     def _judge(self, run: Run, now: float) -> Step:
@@ -241,7 +263,7 @@ class RunMachine:
             Stage.MATCHING: self._await_connections,
             Stage.RUNNING: self._watch,
             Stage.NAMING: self._name,
-            Stage.LEAVING: self._take_leave,
+            Stage.LEAVING: take_leave,
         }
         judge = judges.get(run.stage, self._look)
         if run.stage in (Stage.NAMING, Stage.LEAVING, Stage.OVER):
@@ -251,19 +273,19 @@ class RunMachine:
     def _stop(self, run: Run, now: float) -> Step | None:
         """End a run that cannot go on."""
         if run.signal:
-            return self._fail(run, now, [f"stopped by {run.signal}"])
-        if failures := run.failures[:NAMED_FAILURES]:
+            return fail(run, now, [f"stopped by {run.signal}"])
+        if failures := named_failures(run):
             if any(FOREIGN in failure for failure in failures) and run.stage is not Stage.LOOKING:
                 return run._replace(stage=Stage.NAMING, since=now), [ObserveGraph()]
-            return self._fail(run, now, failures)
+            return fail(run, now, failures)
         for ended in run.ended_processes.values():
-            return self._fail(run, now, [self.process_ended(run, ended)])
+            return fail(run, now, [self.process_ended(run, ended)])
         return None
 
     def _name(self, run: Run, now: float) -> Step:
         """Give the graph some time to show who sent a message that is none of ours."""
         if now - run.since > GRAPH_PERIOD:
-            return self._fail(run, now, [*run.failures[:NAMED_FAILURES], ADVICE])
+            return fail(run, now, [*named_failures(run), ADVICE])
         return run, [ObserveGraph()]
 
     @staticmethod
@@ -276,26 +298,25 @@ class RunMachine:
             return run, []
         foreign = without_rival(run, graph.foreign, now, self._control)
         if foreign and run.stage is Stage.NAMING:
-            return self._fail(run, now, [*run.failures[:NAMED_FAILURES], foreign[0], ADVICE])
+            return fail(run, now, [*named_failures(run), foreign[0], ADVICE])
         if foreign:
-            return self._fail(run, now, [f"{foreign[0]}. {ADVICE}"])
+            return fail(run, now, [f"{foreign[0]}. {ADVICE}"])
         if run.stage is Stage.LOOKING and looked_enough(run, now, self._newcomer_wait):
             run = run._replace(stage=Stage.STARTING, since=now, status_published=now)
             return run, [Announce(), PublishStatus(), StartHosts()]
         if run.stage is Stage.CHECKING:
             run = run._replace(stage=Stage.RUNNING, phase=RunPhase.RUNNING, started=now, moved=now)
             run, actions = self._pace(run, now)
-            begun = RunEvent(EventKind.START, 0, OWN_HOST)
-            return run, [Tell(begun), PublishStatus(), *actions]
+            begun = Tell(RunEvent(EventKind.START, 0, OWN_HOST))
+            return run, [begun, PublishStatus(), *actions]
         return run, []
 
     def _await_nodes(self, run: Run, now: float) -> Step:
-        present = {node for host in run.hosts.values() for node in host.nodes}
-        if missing := [node for node in self._nodes if node not in present]:
+        if missing := self._belief.missing(self._nodes, run.hosts):
             return self._wait_for(run, now, missing, len(missing))
         parameters = {n: p for host in run.hosts.values() for n, p in host.parameters.items()}
         if differing := disagreements(self.scenario, parameters):
-            return self._fail(run, now, [f"{some(differing)}. Start it with the run's parameters"])
+            return fail(run, now, [f"{some(differing)}. Start it with the run's parameters"])
         covered = {topic for host in run.hosts.values() for topic in host.records}
         if rest := tuple(topic for topic in self._topics if topic not in covered):
             run = run._replace(stage=Stage.RECORDING, since=now, remaining=None)
@@ -321,7 +342,7 @@ class RunMachine:
         if run.remaining is None or remaining < run.remaining:
             run = run._replace(remaining=remaining, since=now)
         if now - run.since > self._start_limit:
-            return self._fail(run, now, [self.late(run, missing, self._start_limit)])
+            return fail(run, now, [self.late(run, missing, self._start_limit)])
         return run, self._look_now_and_then(run, now)
 
     def _watch(self, run: Run, now: float) -> Step:
@@ -331,10 +352,11 @@ class RunMachine:
 
     def _go_on(self, run: Run, now: float) -> Step:
         if run.progress >= self.last_sample(run):
-            return self._leave(run._replace(ended=now), EndRun(EndStatus.FINISHED), now)
-        if now - run.moved > self._stall_limit:
+            return leave(run._replace(ended=now), EndRun(EndStatus.FINISHED), now)
+        rests = pausing.rests(run, self.scenario)
+        if now - run.moved > self._stall_limit and not rests:
             message = self.stalled(run, self._stall_limit)
-            return self._leave(run, EndRun(EndStatus.FAILED, message, stalled=True), now)
+            return leave(run, EndRun(EndStatus.FAILED, message, stalled=True), now)
         actions = self._look_now_and_then(run, now)
         if not self.scenario.run.real_time_factor:
             return run, actions
@@ -343,39 +365,13 @@ class RunMachine:
 
     def _pace(self, run: Run, now: float) -> Step:
         elapsed = 0.0 if run.started is None else now - run.started
-        sample = horizon(self.scenario, run.progress, elapsed)
-        reach = max(run.reach, furthest_sample(self.scenario, sample))
-        return run._replace(reach=reach), [PublishHorizon(sample)]
+        run, told = pausing.allow(run, horizon(self.scenario, run.progress, elapsed), now)
+        reach = max(run.reach, furthest_sample(self.scenario, run.allowed) + self._known_ahead)
+        return run._replace(reach=reach), [PublishHorizon(run.allowed), *told]
 
     @staticmethod
     def _look_now_and_then(run: Run, now: float) -> list[Action]:
         return [ObserveGraph()] if now - run.graph_checked > GRAPH_PERIOD else []
-
-    # How a run ends.
-
-    def _fail(self, run: Run, now: float, reasons: Sequence[str]) -> Step:
-        status = EndStatus.INTERRUPTED if run.signal else EndStatus.FAILED
-        end = EndRun(status, joined(reasons))
-        if run.stage is Stage.LOOKING:  # nobody knows of this run
-            return run._replace(stage=Stage.OVER, phase=RunPhase.FAILED, end=end), [end]
-        return self._leave(run, end, now)
-
-    @staticmethod
-    def _leave(run: Run, end: EndRun, now: float) -> Step:
-        finished = end.status is EndStatus.FINISHED
-        phase = RunPhase.FINISHED if finished else RunPhase.FAILED
-        run = run._replace(stage=Stage.LEAVING, since=now, phase=phase, end=end)
-        return run, [PublishStatus(), CloseOwnHost()]
-
-    def _take_leave(self, run: Run, now: float) -> Step:
-        run, actions = spoiled(run)
-        assert run.end is not None
-        waited_for = silent_hosts(run)
-        if waited_for and now - run.since <= GOODBYE_TIMEOUT:
-            return run, actions
-        end = replace(run.end, silent=tuple(waited_for))
-        over = Tell(end_event(OWN_HOST, run, end))
-        return run._replace(stage=Stage.OVER, end=end), [*actions, over, end]
 
     # The texts; a replay has others.
 

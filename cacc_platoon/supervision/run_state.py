@@ -8,12 +8,12 @@ from enum import StrEnum
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from cacc_platoon.runs.info import EndStatus, HostInfo
-from cacc_platoon.scenario.run_event import EventKind, RunEvent
+from cacc_platoon.runs.info import ClockOffset, HostInfo
+from cacc_platoon.scenario import Scenario
+from cacc_platoon.scenario.run_event import EventKind
 from cacc_platoon.scenario.timeline import Change
-from cacc_platoon.stepping.deliveries import DOUBT
 from cacc_platoon.supervision.belief import FOREIGN
-from cacc_platoon.supervision.protocol import HostPhase, HostState, RunPhase, sendable
+from cacc_platoon.supervision.protocol import HostPhase, HostState, RunPhase, RunStatus, sendable
 from cacc_platoon.supervision.run_events import (
     Action,
     EndRun,
@@ -23,6 +23,8 @@ from cacc_platoon.supervision.run_events import (
     Warn,
 )
 
+OWN_HOST = "supervisor"
+"""Name of the host in the supervisor's process."""
 HEARTBEAT_PERIOD = 0.2
 """How often the supervisor says that it lives [s]."""
 NAMED_FAILURES = 3
@@ -82,16 +84,36 @@ class Run(NamedTuple):
         Sample that a recorder can have reached at most, -1 before the first horizon.
     started, moved, ended : float, optional
         When the run began to run, made progress last, and had its last sample.
+    allowed : int
+        The last sample that the leader may publish, -1 before the first horizon.
+    held : int, optional
+        Where the run pauses, or is to pause.
+    held_since : float, optional
+        When the leader was allowed to go as far as that.
+    pauses : int
+        How often the run has paused.
+    offsets : mapping of str to ClockOffset
+        How far the clocks of hosts are from ours, where vehicles keep time by them.
+    start : int
+        When sample 0 is due by clocks [ns since 1970], 0 in lockstep.
     ended_processes : mapping of str to ProcessEnded
         Hosts whose process is gone.
+    gone : tuple of int
+        Processes that ended and were started again.
+    restarts : mapping of str to int
+        How often that was so, by host.
     refused : tuple of str
-        Messages that are none of ours.
+        Messages that are none of ours, the first few.
+    foreign : int
+        How many there were of another publisher.
     collided : int, optional
         Sample of the first collision that is to end the run.
     told : int
         Sample up to which everybody was told of planned changes.
     signal : str
         Who asked for the end, if anybody.
+    late : tuple of str, optional
+        Hosts that did not answer at once when the run had come to a stop, once that is known.
     end : EndRun, optional
         How it ended.
     """
@@ -111,15 +133,25 @@ class Run(NamedTuple):
     progress: int = -1
     reach: int = -1
     started: float | None = None
+    allowed: int = -1
+    held: int | None = None
+    held_since: float | None = None
+    pauses: int = 0
+    offsets: Mapping[str, ClockOffset] = _NOTHING
+    start: int = 0
     moved: float = 0.0
     ended: float | None = None
     ended_processes: Mapping[str, ProcessEnded] = _NOTHING
+    gone: tuple[int, ...] = ()
+    restarts: Mapping[str, int] = _NOTHING
     refused: tuple[str, ...] = ()
+    foreign: int = 0
     collided: int | None = None
     told: int = -1
     signal: str = ""
     graph_checked: float = float("-inf")
     status_published: float = float("-inf")
+    late: tuple[str, ...] | None = None
     end: EndRun | None = None
 
     @property
@@ -137,6 +169,16 @@ def _sent_away(run: Run) -> list[str]:
         for host in run.hosts.values()
         if host.phase is HostPhase.CLOSED and not host.failure and run.end is None
     ]
+
+
+def shown_sample(run: Run, scenario: Scenario) -> int:
+    """Return the sample that viewers are shown, -1 while there is none.
+
+    In lockstep it is one that every host has; by clocks nobody is shown later because of others.
+    """
+    if run.stage is not Stage.RUNNING:
+        return -1
+    return max(run.recorded.values(), default=-1) if scenario.clocked else run.progress
 
 
 def connections_left(run: Run) -> int:
@@ -167,9 +209,32 @@ def wanted_subscribers(run: Run, outside: Mapping[str, int]) -> dict[str, int]:
     return {topic: own[topic] + more for topic, more in outside.items()}
 
 
+def status(run: Run, samples: int, outside: Mapping[str, int]) -> RunStatus:
+    """Return what the supervisor says of a run that takes so many samples."""
+    return RunStatus(
+        run=run.id,
+        phase=run.phase,
+        sample=run.progress,
+        samples=samples,
+        message=sendable(run.end.message) if run.end else "",
+        hosts=summaries(run),
+        subscribers=wanted_subscribers(run, outside) if outside else {},
+        start=run.start,
+    )
+
+
 def refuse(run: Run, *reasons: str) -> Run:
-    """Return the run with messages that are none of ours taken down, the first few."""
-    return run._replace(refused=(*run.refused, *reasons)[:NAMED_FAILURES])
+    """Return the run with messages that are none of ours counted, and the first few taken down."""
+    foreign = run.foreign + sum(FOREIGN in reason for reason in reasons)
+    return run._replace(refused=(*run.refused, *reasons)[:NAMED_FAILURES], foreign=foreign)
+
+
+def named_failures(run: Run) -> list[str]:
+    """Return the failures that are named in the message, and how many messages were refused."""
+    named = run.failures[:NAMED_FAILURES]
+    if run.foreign <= NAMED_FAILURES:
+        return named
+    return [*named, f"{run.foreign} messages of {FOREIGN} were refused"]
 
 
 def warn(run: Run, lines: Sequence[str]) -> tuple[Run, list[Warn]]:
@@ -210,34 +275,6 @@ def with_changes(run: Run, changes: Iterable[Change]) -> tuple[Run, list[Action]
     return run._replace(told=run.progress), [Tell(change.event) for change in due]
 
 
-def end_event(node: str, run: Run, end: EndRun) -> RunEvent:
-    """Return what a node says of the end of a run."""
-    how = ": ".join(filter(None, [end.status, end.message]))
-    return RunEvent(EventKind.END, max(run.progress, 0), node, sendable(how))
-
-
-def spoiled(run: Run) -> tuple[Run, list[Action]]:
-    """Let a complete run fail by what a host reports while it ends, such as a full disk.
-
-    What others send after the last sample spoils nothing, unless it came before what is ours.
-    """
-    failures = [host.failure for host in run.hosts.values() if host.failure]
-    own = [text for text in failures if FOREIGN not in text or DOUBT in text]
-    if run.phase is not RunPhase.FINISHED or not own:
-        return run, []
-    end = EndRun(EndStatus.FAILED, joined(own[:NAMED_FAILURES]))
-    return run._replace(phase=RunPhase.FAILED, end=end), [PublishStatus()]
-
-
-def silent_hosts(run: Run) -> list[str]:
-    """Return a line for each host that lives, as far as is known, and has not closed."""
-    return [
-        f"host {name} (process {host.pid}: {some(host.nodes)}) does not answer"
-        for name, host in run.hosts.items()
-        if host.phase is not HostPhase.CLOSED and name not in run.ended_processes
-    ]
-
-
 def not_in_time(run: Run, missing: Sequence[str], limit: float) -> str:
     """Say what has not come although it was waited for."""
     matching = run.stage is Stage.MATCHING
@@ -256,8 +293,8 @@ def whose_process(run: Run, ended: ProcessEnded) -> str:
 
 
 def summaries(run: Run) -> tuple[HostInfo, ...]:
-    """Return name, process and nodes of every host, by name."""
-    return tuple(HostInfo(name, h.pid, h.nodes) for name, h in sorted(run.hosts.items()))
+    """Return name, process, nodes and machine of every host, by name."""
+    return tuple(HostInfo(name, h.pid, h.nodes, h.machine) for name, h in sorted(run.hosts.items()))
 
 
 def joined(reasons: Sequence[str]) -> str:

@@ -98,7 +98,7 @@ def _run_node(
     host = str(own).replace("/", "_")
     recorder = None
     if folder := text_parameter(node, RECORD_PARAMETER):
-        topics = list(Graph.of(node.scenario).nodes[own].publishes)
+        topics = list(Graph.of(node.scenario).recorded_with(own))
         recorder = start(lambda: RecorderNode(node.scenario, host, topics, Path(folder) / host))
         if recorder is None:
             return BAD_INPUT

@@ -60,5 +60,34 @@ def stopped_first(scenario: Scenario, samples: Mapping[str, int]) -> list[str]:
     return [text] if behind > IN_TRANSIT else []
 
 
+def stopped_together(scenario: Scenario, samples: Mapping[str, int]) -> list[str]:
+    """Say what a run stood still for in which no node is behind what it has received.
+
+    Then the leader stopped, or whoever records, by which the horizon goes, or the supervisor, who
+    tells it; and with them all nodes of their process.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        The run.
+    samples : mapping of str to int
+        How many samples of each topic were recorded.
+
+    Returns
+    -------
+    list of str
+        One line, or none where the leader was through.
+    """
+    index = scenario.leader_index
+    done = samples.get(Graph.of(scenario).vehicles[index].pose.name, 0)
+    if done >= scenario.samples:
+        return []
+    leader = NodeName(NodeKind.LEADER, index)
+    return [
+        f"no node is behind what it has received: {leader}, the recorder of a host or the "
+        f"supervisor stopped, at sample {done - 1}"
+    ]
+
+
 def _stopped(node: NodeName, samples: int, inputs: int) -> str:
     return f"{node} stopped at sample {samples - 1} while its inputs have sample {inputs - 1}"

@@ -6,8 +6,10 @@ import os
 import time
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
 
 import rclpy
+from builtin_interfaces.msg import Time
 from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.node import Node
 from rclpy.qos import (
@@ -17,6 +19,7 @@ from rclpy.qos import (
     qos_check_compatible,
 )
 from rclpy.topic_endpoint_info import TopicEndpointInfo
+from rosgraph_msgs.msg import Clock as ClockMessage
 from std_msgs.msg import Int64, String
 
 from cacc_platoon.dds import shared_memory
@@ -30,7 +33,9 @@ from cacc_platoon.scenario.run_event import RunEvent
 from cacc_platoon.scenario.table import GROUPS
 from cacc_platoon.supervision.belief import refusal
 from cacc_platoon.supervision.participant import start_ros, taking_part
-from cacc_platoon.supervision.protocol import HostState, ProtocolError, RunStatus
+from cacc_platoon.supervision.pause_services import STEP_SAMPLES, Heeded, offer_services
+from cacc_platoon.supervision.pausing import Asked
+from cacc_platoon.supervision.protocol import HostState, ProtocolError, RunStatus, text_digest
 from cacc_platoon.supervision.run_events import (
     Event,
     GraphObserved,
@@ -41,6 +46,7 @@ from cacc_platoon.supervision.run_events import (
 from cacc_platoon.supervision.run_state import some
 from msg_adapters.topics import Graph
 
+CLOCK = "/clock"
 MANY = 1000
 """Hosts, and events, that there is room for."""
 UNKNOWN = "_NODE_NAME_UNKNOWN_"
@@ -64,6 +70,8 @@ class SupervisorNode(Node):  # type: ignore[misc]
     ----------
     feed : callable
         Called with each event.
+    ask : callable
+        Called with what a user asks for; returns what came of it.
     lock : PlatoonLock
         Holds the platoon's name among the processes of this user on this machine.
     """
@@ -71,9 +79,10 @@ class SupervisorNode(Node):  # type: ignore[misc]
     def __init__(self, scenario: Scenario) -> None:
         self._prefix = scenario.platoon.namespace
         super().__init__("supervisor", namespace=self._prefix, use_global_arguments=False)
-        ros_parameters.declare(self, scenario, {}, tuple(GROUPS))
+        ros_parameters.declare(self, scenario, {}, tuple(GROUPS), STEP_SAMPLES)
         self.scenario = scenario
         self.feed: Callable[[Event], None] = lambda event: None
+        self.ask: Callable[[Asked], Heeded] = lambda asked: Heeded(False, "nothing runs here")
         self.graph = Graph.of(scenario)
         self.topics = self.graph.platoon
         self._types = {topic.name: topic.kind.type_name for topic in self.graph.recorded}
@@ -87,15 +96,21 @@ class SupervisorNode(Node):  # type: ignore[misc]
         self._horizon = self.create_publisher(Int64, self.topics.horizon, latched)
         self._status = self.create_publisher(String, self.topics.status, latched)
         self._scenario_publisher = self.create_publisher(String, self.topics.scenario, latched)
-        self._scenario_publisher.publish(String(data=format_scenario(self.scenario)))
+        text = format_scenario(self.scenario)
+        self._view_request = self.create_publisher(Int64, self.topics.view_request, qos.glimpse())
+        self._scenario_digest = text_digest(text)
+        self._scenario_publisher.publish(String(data=text))
         self._events = self.create_publisher(String, self.topics.events, qos.latched(MANY))
         self.create_subscription(String, self.topics.status, self._on_status, latched)
         many = qos.latched(MANY)
         self.create_subscription(String, self.topics.host_state, self._on_host_state, many)
+        if self.shows_time:
+            self._time = self.create_publisher(ClockMessage, CLOCK, 10)
+        offer_services(self, self.topics, self.ask)
 
     def publish_status(self, status: RunStatus) -> None:
         """Tell everybody how far the run is."""
-        text = status.to_json()
+        text = replace(status, scenario=self._scenario_digest).to_json()
         self._sent.append(text)
         self._status.publish(String(data=text))
 
@@ -103,15 +118,33 @@ class SupervisorNode(Node):  # type: ignore[misc]
         """Tell everybody what happened."""
         self._events.publish(String(data=event_line(event, self.scenario.run.step)))
 
+    @property
+    def shows_time(self) -> bool:
+        """Whether the simulated time is published on /clock."""
+        return self.scenario.run.clock
+
+    def publish_clock(self, nanoseconds: int) -> None:
+        """Tell everybody who uses it the simulated time [ns]."""
+        seconds, rest = divmod(nanoseconds, 10**9)
+        self._time.publish(ClockMessage(clock=Time(sec=seconds, nanosec=rest)))
+
     def publish_horizon(self, sample: int) -> None:
         """Let the leader go as far as a sample."""
         self._horizon.publish(Int64(data=sample))
 
+    def ask_for_view(self, sample: int) -> None:
+        """Ask all hosts what their vehicles did at a sample, if anybody wants to see it."""
+        if self.count_subscribers(self.topics.view):
+            self._view_request.publish(Int64(data=sample))
+
     def follow_recorder(self, host: str) -> None:
         """Listen to the progress of a host's recorder."""
+        topic = self.topics.recorded(host)
+        if topic in {one.topic_name for one in self.subscriptions}:
+            return  # that of a host that was started again
         self.create_subscription(
             Int64,
-            self.topics.recorded(host),
+            topic,
             lambda message: self.feed(Recorded(host, message.data)),
             qos.latched(),
         )
@@ -125,7 +158,10 @@ class SupervisorNode(Node):  # type: ignore[misc]
         return frozenset(host for host in hosts if counts.get(self.topics.recorded(host)))
 
     def look(
-        self, allowed: Mapping[str, frozenset[str]], processes: Collection[int] = ()
+        self,
+        allowed: Mapping[str, frozenset[str]],
+        processes: Collection[int] = (),
+        gone: Collection[int] = (),
     ) -> GraphObserved:
         """Return which publishers there are beyond those allowed, by full name of their node.
 
@@ -135,6 +171,8 @@ class SupervisorNode(Node):  # type: ignore[misc]
             The nodes that may publish each topic, one publisher each.
         processes : collection of int
             The processes of the run's hosts.
+        gone : collection of int
+            Those that have ended; DDS shows what they published for some time.
         """
         foreign, harmless = [], []
         if holder := self.lock.taken_by():
@@ -147,6 +185,12 @@ class SupervisorNode(Node):  # type: ignore[misc]
             if _name(info) in allowed[topic]
         )
         machines = {participant[:4] for participant in ours}
+        if gone:
+            dead = {(one, pid & 0xFFFF) for one in machines for pid in gone}
+            publishers = {
+                topic: [info for info in infos if _machine_and_process(info) not in dead]
+                for topic, infos in publishers.items()
+            }
         started = {(one, pid & 0xFFFF) for one in machines for pid in processes}
         nameless = [
             info
@@ -199,8 +243,9 @@ class SupervisorNode(Node):  # type: ignore[misc]
         }
 
     def _on_host_state(self, message: String) -> None:
+        returned = time.time_ns()
         try:
-            event: Event = HostReported(HostState.from_json(message.data))
+            event: Event = HostReported(HostState.from_json(message.data), returned)
         except ProtocolError as error:
             event = refusal(self.topics.host_state, error)
         self.feed(event)

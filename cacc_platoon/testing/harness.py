@@ -39,7 +39,7 @@ from rclpy.qos import QoSProfile
 from std_msgs.msg import String
 
 from cacc_platoon.dds.domain import own_domain
-from cacc_platoon.dds.environment import prefer_local
+from cacc_platoon.dds.environment import over_udp_alone, prefer_local
 from cacc_platoon.dds.shared_memory import cleared_segments
 from cacc_platoon.nodes import qos
 from cacc_platoon.nodes.node import MESSAGE_TYPES
@@ -339,7 +339,8 @@ class Platoon:
         context = Context()
         rclpy.init(args=[], context=context, domain_id=self.domain)
         self._stack.callback(rclpy.try_shutdown, context=context)
-        self._node = Node("observer", context=context, use_global_arguments=False)
+        with over_udp_alone(os.environ):  # nobody can remove a socket of this process
+            self._node = Node("observer", context=context, use_global_arguments=False)
         self._stack.callback(self._node.destroy_node)
         self._executor = SingleThreadedExecutor(context=context)
         self._stack.callback(self._executor.shutdown)

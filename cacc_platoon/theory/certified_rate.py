@@ -11,7 +11,12 @@ from functools import cached_property
 from cacc_platoon.theory.certified_loop import CertifiedLoop
 from cacc_platoon.theory.end_to_end import end_to_end_gain
 from cacc_platoon.theory.lifted_hop import packet_interval
-from cacc_platoon.theory.multirate import HopGrowth, critical_v2v_period, worst_multirate_growth
+from cacc_platoon.theory.multirate import (
+    HopGrowth,
+    bears_v2v_period,
+    critical_v2v_period,
+    worst_multirate_growth,
+)
 from cacc_platoon.theory.phases import PhaseGrowth, worst_phase_growth
 
 __all__ = ["CertifiedRate"]
@@ -32,6 +37,19 @@ class CertifiedRate(CertifiedLoop):
         if self.v2v_period is None:
             return None
         return worst_multirate_growth(
+            self.gains,
+            self.rho,
+            self.tau_max,
+            self.period,
+            self._interval,
+            latency=self.latency,
+            **self.sampled_worst_case,
+        )
+
+    @cached_property
+    def bears_v2v_period(self) -> bool:
+        """Whether `v2v_growth` is none or one, at a fraction of its price."""
+        return self.v2v_period is None or bears_v2v_period(
             self.gains,
             self.rho,
             self.tau_max,
@@ -63,7 +81,7 @@ class CertifiedRate(CertifiedLoop):
     @cached_property
     def critical_v2v_period(self) -> float:
         """Longest time [s] from packet to packet at which nothing grows."""
-        kept = self.v2v_growth is not None and self.v2v_growth.growth <= 1.0
+        kept = self.bears_v2v_period
         return critical_v2v_period(
             self.gains,
             self.rho,

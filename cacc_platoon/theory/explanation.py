@@ -167,7 +167,7 @@ def explain_verdict(certificate: Certificate) -> str:
         f"robustly string stable ({basis}): sup|H| = 1 for every lag up to "
         f"{certificate.tau_max:g} s and all noise of rho >= {certificate.rho:g}"
         f"{_losses(certificate)}; in the mean the energy of a_i, and of delta_i where all links "
-        "are equal, does not grow along the platoon."
+        "are equal, does not grow along a platoon."
         f"{_holding(certificate)}{_sampling(certificate)}{_rate(certificate)}"
     )
 
@@ -218,7 +218,7 @@ def _failure_of_held(certificate: Certificate) -> Failure:
     """Explain a loop that fails since it holds lost packets."""
     whole = replace(certificate, held=1.0)
     loop = f"{_received(certificate)}, the mean loop"
-    grows = "disturbances grow along the platoon in the mean"
+    grows = "disturbances grow along a platoon in the mean"
     if not whole.sampled_string_stable:
         longest = whole.critical_period
         also = f" below {rounded_down(longest)} s" if longest else " and raise time_headway"
@@ -246,7 +246,7 @@ def _failure_without_loss(certificate: Certificate) -> Failure:
         cap = k_a_max(certificate.rho)
         return Failure(
             f"k_a = {certificate.gains.k_a:g} is not below {cap:.6g} = 1/(1 + 1/rho)",
-            "the noise may raise k_a E[w] to 1, and spacing errors grow along the platoon",
+            "the noise may raise k_a E[w] to 1, and spacing errors grow along a platoon",
             f"Lower k_a below {cap:.6g} or raise rho",
         )
     return _failure_of_headway(certificate) or _failure_of_gains(certificate)
@@ -304,7 +304,7 @@ def _failure_of_headway(certificate: Certificate) -> Failure | None:
     rule = f"2 tau_0/(1 + {loss}(1 - 1/rho) k_a)" if share else "2 tau_0, the least without V2V"
     return Failure(
         f"time_headway = {h:g} s is below {shortest:.6g} s = {rule}",
-        "spacing errors grow along the platoon whatever k_v and k_p are",
+        "spacing errors grow along a platoon whatever k_v and k_p are",
         f"Raise time_headway, above {paper:.6g} s for the paper's gains, or lower tau_max",
     )
 
@@ -325,7 +325,7 @@ def _failure_of_gains(certificate: Certificate) -> Failure:
         return Failure(
             f"k_p = {k_p:g} 1/s^2 is below {region.k_p_min:.6g}, the least that string stability "
             f"needs at time_headway = {h:g} s",
-            "no k_v serves both ends of the noise interval, and spacing errors grow along the "
+            "no k_v serves both ends of the noise interval, and spacing errors grow along a "
             "platoon",
             f"Raise k_p or raise time_headway above {paper:.6g} s",
         )
@@ -347,4 +347,4 @@ def _what_grows(certificate: Certificate) -> str:
         if C < 0
         else ("disturbances near the bandwidth", f"B + 2 tau_0 sqrt(C) = {margin:.4g}")
     )
-    return f"{which} grow along the platoon ({broken} < 0 at k_a E[w] = {k:.6g})"
+    return f"{which} grow along a platoon ({broken} < 0 at k_a E[w] = {k:.6g})"

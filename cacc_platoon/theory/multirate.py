@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "HopGrowth",
+    "bears_v2v_period",
     "critical_v2v_period",
     "estimated_growth",
     "largest_peak",
@@ -260,6 +261,39 @@ def worst_multirate_growth(
     """
     packets = PacketTimes.of(period, interval, latency, held)
     return _growth(packets, gains, _pairs(gains, rho, tau_max, reception, k_effective))
+
+
+def bears_v2v_period(
+    gains: Gains,
+    rho: float,
+    tau_max: float,
+    period: float,
+    interval: int,
+    *,
+    latency: float = 0.0,
+    held: float = 1.0,
+    reception: float = 1.0,
+    k_effective: float | None = None,
+) -> bool:
+    """Whether nothing grows: `worst_multirate_growth` without looking for how much.
+
+    Parameters
+    ----------
+    gains, rho, tau_max, period, interval, latency, held, reception, k_effective
+        As in `worst_multirate_growth`.
+
+    Examples
+    --------
+    >>> from cacc_platoon.model.control import Gains
+    >>> A = Gains(0.95, 0.5, 0.63, 0.009)
+    >>> [bears_v2v_period(A, 5.0, 0.5, 0.01, n) for n in (15, 16)]
+    [True, False]
+    """
+    packets = PacketTimes.of(period, interval, latency, held)
+    pairs = _pairs(gains, rho, tau_max, reception, k_effective)
+    if not _own_loops_stable(gains, pairs, period):
+        return False
+    return not _amplified(packets, gains, pairs, enough=GROWS)[0] > GROWS
 
 
 def _pairs(

@@ -259,6 +259,8 @@ def sampled_sure_gain(
     d = np.linalg.eigvals(companion).astype(np.complex128)
     close = np.abs(d - d[:, [1, 2, 0]]) < 1e-6 * np.abs(d)
     d *= 1.0 + 1e-6 * np.cumsum(close, axis=1)  # what is equal is moved apart
+    if not (np.abs(1.0 + period * d) < 1.0).all():  # it hardly dies out: beyond double precision
+        return math.inf
     slope = np.stack([(d[:, i] - d[:, i - 1]) * (d[:, i] - d[:, i - 2]) for i in range(3)], axis=1)
     sums = []
     for n in (numerators[0], numerators[1] - numerators[0]):

@@ -11,12 +11,12 @@ from cacc_platoon.analysis.fallback import (
     FallbackUse,
     fallback_premises,
     fallback_use,
-    reception_state,
 )
 from cacc_platoon.analysis.limits import limit_use
 from cacc_platoon.analysis.premises import Conduct, restored
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.simulation import monte_carlo, simulate, simulate_mean
+from cacc_platoon.simulation.course import reception_state
 
 SHORT = {"platoon.followers": 2, "run.duration": 30.0}
 
@@ -112,6 +112,7 @@ def test_links_that_send_as_they_move_know_what_was_sent():
             assert (link.loss == 0.0) == ("v2v.loss" not in extra)
 
 
+@pytest.mark.slow
 def test_the_expectation_run_is_the_mean_of_errors_false_data_and_losses():
     values = {
         **SHORT,

@@ -131,8 +131,8 @@ def test_a_step_that_is_lowered_as_advised_certifies_with_held_packets():
     assert verdict.headline == "STRING STABLE BY DESIGN, CERTIFICATE VOID"
     (reason,) = verdict.void
     assert "vehicle 3, sampled every 0.2 s with the last packet held" in reason
-    assert "string stable; it is below" in reason
-    assert " s (3 vehicles in all): lower run.step" in reason
+    assert "string stable; at periods below" in reason
+    assert " s it is (3 vehicles in all): lower run.step" in reason
     advised = step_advised(reason)
     assert advised == pytest.approx(0.0444, abs=1e-4)
     assert judge(sampled_below(slow, advised)).certified
@@ -143,7 +143,7 @@ def test_one_vehicle_that_is_sampled_too_slowly_is_named_alone():
     """80 ms is short enough for k_v = 0.63 of the others, not for its own."""
     (reason,) = judge(lossy(0.0, **{"run.step": 0.08, "vehicle_3.controller.k_v": 0.7})).void
     assert reason.startswith("the loop of vehicle 3 alone, sampled every 0.08 s, is not")
-    assert re.search(r"it is below \S+ s: lower run.step$", reason)
+    assert re.search(r"at periods below \S+ s it is: lower run.step$", reason)
 
 
 def test_either_way_out_of_lost_packets_certifies():

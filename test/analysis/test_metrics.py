@@ -36,6 +36,7 @@ THEORY = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 def test_published_cases(case):
     metrics = compute_metrics(simulate(case_scenario(case, {"v2v.noise": "expected"})))
@@ -116,6 +117,7 @@ def test_settling_time():
     assert np.isnan(compute_metrics(dataclasses.replace(run, position=position)).settling_time[0])
 
 
+@pytest.mark.slow
 def test_noise_of_a_long_run():
     """Every w on the lattice of 16 bits, its mean and variance within 4 standard errors."""
     scenario = case_scenario(CASES[0], {"platoon.followers": 4})

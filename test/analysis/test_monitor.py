@@ -5,12 +5,13 @@ import math
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from cacc_platoon.analysis import analyse, compute_metrics
-from cacc_platoon.analysis.monitor import NO_ALARM, monitor_line, monitor_use
+from cacc_platoon.analysis import compute_metrics
+from cacc_platoon.analysis.monitor import NO_ALARM, _use, monitor_line, monitor_use
 from cacc_platoon.cli.simulate import simulate_run
-from cacc_platoon.report import metrics_document, report_run, summary
+from cacc_platoon.report import report_run, summary
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.simulation import simulate, simulate_mean
 from cacc_platoon.simulation.monitoring import alarms
@@ -60,6 +61,21 @@ def test_alarms_outside_of_false_data_are_false_ones():
     assert [one.false_alarms for one in usual] == [0, 0, 0]
 
 
+@pytest.mark.parametrize("late", [0.0, 0.2])
+@pytest.mark.parametrize("delay", [0.0, 0.3])
+def test_what_false_data_may_still_cause_is_not_false(late, delay):
+    """Packets that are late, measured with a delay, are in the window that much longer."""
+    values = {"v2v.latency": late, "sensing.delay": delay}
+    one = scenario({"vehicle_2.v2v.false_data": ("2 3 factor=3",), **values})
+    run, window = simulate(one), round(one.follower(2).v2v.monitor_window * 100)
+    until = 300 + window + round(100 * (late + delay))
+    for begin, false in ((199, 1), (200, 0), (until - 1, 0), (until, 1)):
+        alarm = np.zeros(len(run.time), np.bool_)
+        alarm[begin : begin + 1] = True
+        used = _use(one.follower(2), alarm, run)
+        assert (used.alarms, used.false_alarms) == (1, false)
+
+
 def test_in_the_mean_there_is_no_packet_to_watch():
     assert monitor_use(simulate_mean(scenario())) == []
     assert monitor_use(simulate(scenario({"v2v.monitor": "none"}))) == []
@@ -83,17 +99,15 @@ def test_a_bag_says_the_same_and_the_report_tells_it(more, tmp_path, monkeypatch
     simulate_run(one, tmp_path / "run")
     simulated = compute_metrics(simulate(one))
     monkeypatch.setitem(sys.modules, "own_parts", None)  # a report runs no code of the user's
-    report = analyse(tmp_path / "run", runs=0)
+    report, document = report_run(tmp_path / "run", runs=0)
     assert report.run.findings == ()
     assert repr(report.measured.monitor) == repr(simulated.monitor)
     assert report.consistency.largest == 0.0
-    document = metrics_document(report)
     assert document["monitor"][1]["detections"][0]["delay"] is None
     assert document["monitor"][1]["detections"][1]["delay"] > 0.0
     text = summary(report, document)
     assert "monitor, vehicle 2: " in text
     assert "monitor: no alarm of 2 followers, which proves nothing" in text
-    report_run(tmp_path / "run", runs=0)
     page = (tmp_path / "run" / "report.html").read_text()
     assert "Assumption monitor" in page
     assert "That there is none proves nothing" in page

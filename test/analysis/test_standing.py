@@ -56,6 +56,7 @@ KINDS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("where", ["first", "middle", "last"])
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_single_changed_value_is_seen_without_a_digest(bags, tmp_path, recorded, kind, where):
@@ -71,6 +72,7 @@ def test_a_single_changed_value_is_seen_without_a_digest(bags, tmp_path, recorde
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_single_changed_value_is_seen_by_the_digest(bags, tmp_path, recorded, kind):
     """However small: the last bit."""
@@ -94,6 +96,7 @@ def test_a_changed_count_is_seen(bags, tmp_path, where):
     assert not report.proven
 
 
+@pytest.mark.slow
 def test_a_whole_bag_without_digest_stands_by_its_scenario(bags, tmp_path, recorded):
     report = analyse(bags.bag(tmp_path / "bag", *recorded), runs=0)
     assert report.standing.state is DataState.INTACT

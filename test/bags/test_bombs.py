@@ -66,6 +66,7 @@ def test_honest_chunks_that_are_too_many(tmp_path, name):
     assert "which no recording of its size does" in bag.damage[0]
 
 
+@pytest.mark.slow
 def test_a_chunk_of_nothing_but_heads_of_records(tmp_path):
     file = tmp_path / "bomb.mcap"
     file.write_bytes(MAGIC + chunk(bytes(9) * (3 * MIB), "zstd"))
@@ -74,6 +75,7 @@ def test_a_chunk_of_nothing_but_heads_of_records(tmp_path):
     assert "which no recording of its size does" in bag.damage[0]
 
 
+@pytest.mark.slow
 def test_a_bag_compressed_file_by_file(tmp_path):
     content = MAGIC + record(5, bytes(300 * MIB))
     (tmp_path / "bomb.mcap.zstd").write_bytes(zstd.compress(content))

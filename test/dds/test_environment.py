@@ -7,7 +7,7 @@ import pytest
 
 from cacc_platoon.dds import environment, shared_memory
 from cacc_platoon.dds.environment import is_local, prefer_local, set_up
-from cacc_platoon.dds.profile import LOOPBACK, LOOPBACK_UDP, OPEN
+from cacc_platoon.dds.profile import LOOPBACK, LOOPBACK_MANY, LOOPBACK_UDP, OPEN
 from cacc_platoon.errors import UserError
 
 RANGE, TRANSPORTS = environment.RANGE, environment.TRANSPORTS
@@ -113,6 +113,26 @@ def test_a_profile_of_ours_that_is_removed_is_written_again() -> None:
     prefer_local(again)
     assert again == made
     assert Path(made[PROFILE]).is_file()
+
+
+@pytest.mark.parametrize(
+    ("processes", "given", "profile"),
+    [
+        (32, {}, LOOPBACK),
+        (33, {}, LOOPBACK_MANY),
+        (33, {RANGE: "SUBNET"}, OPEN),
+        (33, {TRANSPORTS: "LARGE_DATA"}, None),
+    ],
+)
+def test_many_processes_share_no_memory(
+    processes: int, given: dict[str, str], profile: Path | None
+) -> None:
+    made = dict(given)
+    set_up(made, processes)
+    prefer_local(made)  # as each of the processes does
+    assert made.get(PROFILE) == (str(profile) if profile else None)
+    udp = processes > 32 and profile is not None
+    assert made.get(TRANSPORTS) == ("UDPv4" if udp else given.get(TRANSPORTS))
 
 
 @pytest.mark.parametrize("name", environment.PROFILE_VARIABLES)

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cacc_platoon.design import Requirements, assess, paper_design, recommend
-from cacc_platoon.design.candidates import Candidates, Estimates
+from cacc_platoon.design.candidates import Candidates, Estimates, sample_region
 from cacc_platoon.design.pareto import pareto_front, spread_out
 from cacc_platoon.model import Gains
 from cacc_platoon.simulation.brute_force import largest_growth
@@ -21,6 +21,7 @@ from cacc_platoon.theory import (
     is_robustly_string_stable,
     optimum,
 )
+from cacc_platoon.theory.multirate import estimated_growth
 
 
 @pytest.mark.parametrize(
@@ -184,6 +185,30 @@ def test_estimates_are_close_to_the_certificates():
     )
     for estimate, value, tolerance in pairs:
         assert estimate == pytest.approx(value, rel=tolerance)
+
+
+@pytest.mark.parametrize(("interval", "late"), [(2, 0.0), (30, 0.1), (100, 0.0)])
+def test_candidates_bear_packets_at_every_lag_and_end(interval, late):
+    """The search drops what the largest lag tells; here the other one decides of some."""
+    k_p, fractions = np.geomspace(3e-3, 100.0, 12), np.array([0.03, 0.3, 0.6, 0.9])
+    headways = np.array([0.75, 0.9, 1.1, 1.4])
+    one = sample_region([0.2, 0.5, 0.7], headways, k_p, fractions, rho=5.0, tau_max=0.5)
+    estimates = Estimates(5.0, 0.5)
+    angle = estimates._frequencies(one, 32, np.pi / (0.01 * interval)) * 0.01 * interval
+    growth = estimated_growth(
+        tuple(column[:, np.newaxis] for column in one),
+        np.array([0.15, 0.5])[:, np.newaxis, np.newaxis, np.newaxis],
+        np.multiply.outer([0.8, 1.2], one.k_a)[:, :, np.newaxis],
+        angle,
+        period=0.01,
+        interval=interval,
+        latency=late,
+        held=1.0,
+    )
+    at_each_lag = growth.max(axis=(1, 3)) <= 1.0 + 1e-9
+    found = estimates.bears_packets(one, 0.01, interval, late)
+    assert found.tolist() == at_each_lag.all(axis=0).tolist()
+    assert found.sum() < at_each_lag[1].sum() < len(one)
 
 
 def test_the_same_question_has_the_same_answer():

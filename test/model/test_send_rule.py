@@ -2,8 +2,17 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from cacc_platoon.model import CamRule, ComposedChannel, ConstantLatency, TriggeredChannel
+from cacc_platoon.model import (
+    CamRule,
+    ComposedChannel,
+    ConstantLatency,
+    IndependentLoss,
+    RandomLatency,
+    TriggeredChannel,
+)
 from cacc_platoon.model.leader import SinePulse
 
 
@@ -58,3 +67,45 @@ def test_what_happens_to_messages_goes_by_their_number_and_time():
         if (packets := late.deliver(k, *state))
     }
     assert arrived == {3: [0], 23: [20], 43: [40]}
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    longest=st.integers(0, 80),
+    loss=st.sampled_from([0.0, 0.3, 0.9]),
+    seed=st.integers(0, 2**32),
+    speed=st.sampled_from([0.0, 25.0, 50.0]),
+)
+def test_in_order_nobody_overtakes_and_nobody_waits_in_vain(longest, loss, seed, speed):
+    """Each arrives at its own time or with the last of those before it, under any rule to send."""
+
+    def arrived(in_order):
+        chances = [1.0 / (longest + 1)] * (longest + 1)
+        link = ComposedChannel([IndependentLoss(loss, seed, 1), RandomLatency(chances, seed, 1)])
+        channel = TriggeredChannel(CamRule(0.01, 10), link, in_order=in_order)
+        return [
+            (packet.source, k)
+            for k, state in enumerate(driving(speed, 1000))
+            for packet in channel.deliver(k, *state)
+        ]
+
+    alone = sorted(arrived(in_order=False))
+    expected, latest = [], 0
+    for source, k in alone:
+        latest = max(k, latest)
+        expected.append((source, latest))
+    found = arrived(in_order=True)
+    assert found == [one for one in expected if one[1] < 1000][: len(found)]
+    assert len(alone) - len(found) <= 1 + longest // 10
+
+
+def test_the_next_check_is_the_first_sample_at_which_a_message_can_be_sent():
+    """However the sender jumps about: nothing is sent before, and where it moves on, then."""
+    for check, phase in ((10, 0), (10, 7), (1, 0), (3, 2)):
+        rule, due = CamRule(0.01, check, phase), phase
+        for k in range(400):
+            sends = rule.sends(k, 100.0 * k, 0.0)
+            assert sends == (k == due)
+            if sends:
+                due = rule.next_check(k)
+                assert due >= k + 10

@@ -1,6 +1,7 @@
 """Names, types and frames of the graph, as the table of the README has them."""
 
 from cacc_platoon.model import Topology
+from cacc_platoon.scenario import Scenario
 from msg_adapters.topics import Graph, VehicleTopics, queue_depth
 
 
@@ -29,4 +30,12 @@ def test_fifty_one_messages_a_sample_for_twelve_followers():
 
 
 def test_queues_are_deeper_than_the_window():
-    assert all(queue_depth(window, 12) > window + 12 for window in (1, 64, 1000))
+    for window in (1, 64, 1000):
+        assert queue_depth(Scenario.from_values({"run.window": window})) > window + 12
+
+
+def test_by_clocks_a_minute_fits_into_a_queue():
+    values = {"run.sync": "wall", "run.duration": 200.0}
+    assert queue_depth(Scenario.from_values(values)) == 6000
+    assert queue_depth(Scenario.from_values({**values, "run.real_time_factor": 2.0})) == 12000
+    assert queue_depth(Scenario.from_values({**values, "run.duration": 10.0})) == 1001

@@ -1,17 +1,25 @@
 """Parameters of running nodes: what may be set, what is refused, and that nothing is half done."""
 
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
 import rclpy
+from geometry_msgs.msg import AccelStamped
+from rclpy.executors import Executor
+from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from cacc_platoon.dds.domain import own_domain
+from cacc_platoon.nodes import qos
+from cacc_platoon.nodes.executor import create_executor
 from cacc_platoon.nodes.node import MOST_CHANGES, PlatoonNode
 from cacc_platoon.nodes.noise_relay import NoiseRelayNode
 from cacc_platoon.nodes.vehicle import VehicleNode
 from cacc_platoon.scenario import Scenario
+from msg_adapters.topics import VehicleTopics
 
 SMALL: dict[str, Any] = {"platoon.followers": 2, "run.adjustable": True}
 
@@ -40,6 +48,54 @@ def test_a_change_is_an_event_of_the_next_sample(ros: None) -> None:
     assert {event.sample for event in (*relay.events, *vehicle.events)} == {0}
     relay.destroy_node()
     vehicle.destroy_node()
+
+
+def test_a_change_of_a_relay_of_several_links_is_of_the_first_sample_that_none_has(
+    ros: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of one link five samples are here, of the other two; the change takes effect on both at 5."""
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[1] / "system"))
+    two = {"platoon.predecessors": 2, "controller.law": "own_parts:TwoAhead"}
+    scenario = Scenario.from_values({**SMALL, **two})
+    relay, other = NoiseRelayNode(scenario, 2), Node("other")
+    executor = create_executor()
+    for node in (relay, other):
+        executor.add_node(node)
+    own = VehicleTopics("/platoon", 2)
+    arrived: list[bytes] = []
+    publishers = []
+    for sender in (1, 0):
+        accel = VehicleTopics("/platoon", sender).accel
+        publishers.append(other.create_publisher(AccelStamped, accel.name, qos.stream(scenario)))
+        topic = own.link(sender).accel.name
+        other.create_subscription(
+            AccelStamped, topic, arrived.append, qos.stream(scenario), raw=True
+        )
+    received = [own.link(sender).accel.name for sender in (1, 0)]
+
+    def connected() -> bool:
+        heard = all(one.get_subscription_count() for one in publishers)
+        return heard and all(other.count_publishers(name) for name in received)
+
+    wait(executor, connected)
+    for sender, publisher, samples in zip((1, 0), publishers, (5, 2), strict=True):
+        codec = VehicleTopics("/platoon", sender).accel.codec
+        for k in range(samples):
+            publisher.publish(codec.encode(k * scenario.step_ns, 0.5))
+    wait(executor, lambda: len(arrived) == 7)
+    [result] = relay.set_parameters([Parameter("v2v.loss", value=1.0)])
+    assert result.successful, result.reason
+    assert [event.sample for event in relay.events] == [5]
+    for node in (relay, other):
+        node.destroy_node()
+
+
+def wait(executor: Executor, until: Callable[[], bool]) -> None:
+    """Spin until something is the case."""
+    end = time.monotonic() + 20.0
+    while not until():
+        assert time.monotonic() < end, "it has not come to that in 20 s"
+        executor.spin_once(timeout_sec=0.05)
 
 
 def test_what_is_refused_together_is_not_carried_out_in_part(ros: None) -> None:

@@ -227,9 +227,10 @@ def test_losses_in_bursts_that_count_as_zero_are_judged_exactly(made):
 def test_blackouts_are_set_apart_and_when_it_holds_again_is_said(made):
     report, text, rows = made({"v2v.loss": 0.1, **DARK, "vehicle_3.v2v.blackouts": [3.0, 4.5]})
     verdict = report.verdict
-    assert verdict.guarantee.endswith("blackouts apart")
+    apart = "what voids the certificate apart"
+    assert verdict.apart == f", {apart}"
     assert rows["With packet loss, in the mean, blackouts apart"][0] == "yes"
-    assert [name for name in rows if name.endswith("in every run, blackouts apart, at most")]
+    assert [name for name in rows if name.endswith(f"in every run, {apart}, at most")]
     assert "from 1 s on, until 4.5 s" in verdict.void[0]
     for found in (text, bare(rows[""][0])):
         assert "from 4.5 s on, when that is over, the statement about the mean" in found
@@ -262,7 +263,7 @@ def test_a_blackout_after_the_run_voids_nothing(made):
     [
         ({"v2v.loss": 0.1}, "in the mean without losses, in continuous time"),
         ({"v2v.loss": 0.1, "v2v.reception": "zero"}, "in the mean, in continuous time"),
-        (DARK, "in the mean, blackouts apart, in continuous time"),
+        (DARK, "in the mean, what voids the certificate apart, in continuous time"),
     ],
 )
 def test_the_least_gap_says_which_losses_it_leaves_out(made, values, said):

@@ -18,6 +18,7 @@ def claim(reports, words):
     return found
 
 
+@pytest.mark.slow
 def test_all_that_can_be_read_agrees(reports):
     claims = module.journal_claims(reports)
     assert [one.agrees for one in claims] == [True] * 5 + [None]

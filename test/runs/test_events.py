@@ -2,10 +2,17 @@
 
 import json
 import os
+import random
 
 import pytest
 
-from cacc_platoon.runs.events import EVENTS_FILE, append_events, bag_events, event_line
+from cacc_platoon.runs.events import (
+    EVENTS_FILE,
+    append_events,
+    bag_events,
+    event_line,
+    settle_events,
+)
 from cacc_platoon.scenario.run_event import EventKind, RunEvent
 
 HIT = RunEvent(EventKind.COLLISION, 7, "vehicle_1/vehicle")
@@ -34,3 +41,35 @@ def test_what_is_no_file_of_text_has_no_events(tmp_path):
     (tmp_path / EVENTS_FILE).unlink()
     os.mkfifo(tmp_path / EVENTS_FILE)
     assert bag_events(tmp_path, 8) == []
+
+
+def test_events_are_settled_in_one_order_however_they_came(tmp_path):
+    """Front to rear within a sample, changes before what they cause, nothing beyond the end."""
+    turns = [
+        RunEvent(EventKind.RECEPTION, 7, f"vehicle_{index}/vehicle", "degrading")
+        for index in (2, 10)
+    ]
+    change = RunEvent(EventKind.CHANGE, 7, "vehicle_3/noise_relay", "v2v.loss=1.0")
+    end = RunEvent(EventKind.END, 7, "supervisor", "finished")
+    beyond = RunEvent(EventKind.LIMIT, 8, "vehicle_1/vehicle", "acts")
+    expected = [START, change, *turns, HIT, end]
+    for _ in range(5):
+        told = random.sample([*expected, beyond], 7)
+        (tmp_path / EVENTS_FILE).unlink(missing_ok=True)
+        append_events(tmp_path, told, 0.01)
+        settle_events(tmp_path, 8)
+        lines = (tmp_path / EVENTS_FILE).read_text().splitlines()
+        assert lines == [event_line(event, 0.01) for event in expected]
+        assert [line for _, line in bag_events(tmp_path, 8)] == lines
+
+
+def test_what_is_no_event_is_left_at_the_end(tmp_path):
+    append_events(tmp_path, [HIT, START], 0.01)
+    with (tmp_path / EVENTS_FILE).open("a") as file:
+        file.write("{half a li")
+    settle_events(tmp_path, 8)
+    lines = (tmp_path / EVENTS_FILE).read_text().splitlines()
+    assert lines == [event_line(START, 0.01), event_line(HIT, 0.01), "{half a li"]
+    (tmp_path / EVENTS_FILE).unlink()
+    settle_events(tmp_path, 8)
+    assert not (tmp_path / EVENTS_FILE).exists()

@@ -10,7 +10,13 @@ from cacc_platoon.bags.digest import run_digest
 from cacc_platoon.bags.rows import TopicRows
 from cacc_platoon.model import Topology
 from cacc_platoon.runs.parts import PartWriter, read_parts
-from cacc_platoon.runs.recording import first_samples, recording_of
+from cacc_platoon.runs.recording import (
+    count_of_each_sample,
+    first_samples,
+    recorded_samples,
+    recording_of,
+    with_deliveries,
+)
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.simulation import simulate
 from msg_adapters.topics import Graph, VehicleTopics
@@ -144,3 +150,33 @@ def test_the_first_samples_of_a_recording_are_those_of_a_run_that_ends_there(cha
     assert found.keys() == wanted.keys()
     for name, rows in wanted.items():
         np.testing.assert_array_equal(found[name].messages, rows.messages, err_msg=name)
+
+
+def test_counts_that_stand_for_more_samples_are_those_of_every_sample() -> None:
+    """Of a bag as nodes write it: the same deliveries, the same samples, the same counts."""
+    one = Scenario.from_values({"v2v.loss": 0.6, "run.duration": 2.0, "platoon.followers": 1})
+    graph, whole = Graph.of(one), recording_of(simulate(one))
+    ((accel, complete),) = graph.counted_links.values()
+    each = whole[complete.name].messages
+    counts = complete.codec.values(each)
+    first = np.flatnonzero(np.diff(counts, prepend=-1.0))
+    more = np.diff(first, append=len(counts)) - 1
+    rows = np.stack(
+        [
+            np.frombuffer(
+                complete.codec.encode(int(k) * one.step_ns, counts[k], float(n)), np.uint8
+            )
+            for k, n in zip(first, more, strict=True)
+        ]
+    )
+    assert len(rows) < len(each)
+    few = {**whole, complete.name: whole[complete.name]._replace(messages=rows)}
+    found = count_of_each_sample(complete, rows, one.step_ns, one.samples)
+    np.testing.assert_array_equal(found, each)
+    assert len(count_of_each_sample(complete, rows, one.step_ns, 7)) == 7 + len(rows) - int(
+        (first < 7).sum()
+    )
+    np.testing.assert_array_equal(
+        with_deliveries(few, graph)[accel.name].delivered, whole[accel.name].delivered
+    )
+    assert recorded_samples(few, graph, one.samples) == dict.fromkeys(whole, one.samples)

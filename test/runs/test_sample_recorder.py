@@ -159,6 +159,30 @@ def test_what_comes_over_a_lossy_channel_is_written_as_it_comes_and_counted() ->
     assert rig.recorder.failures == []
 
 
+def test_a_count_stands_for_samples_that_follow() -> None:
+    """Sample 0 has a packet, and 1 to 9 none: progress follows when the packet is here."""
+    rig = Rig(COUNTED.received, COUNTED.complete, scenario=LOSSY)
+    received, complete = (rig.receive[t.name] for t in (COUNTED.received, COUNTED.complete))
+    complete(COUNTED.complete.codec.encode(0, 1.0, 9.0))
+    assert rig.progress == []
+    received(COUNTED.received.codec.encode(0, 0.5))
+    stride = max(1, LOSSY.run.window // 4)
+    assert rig.progress == list(range(0, 10, stride))
+    assert rig.recorder.samples == {COUNTED.received.name: 10, COUNTED.complete.name: 10}
+    more = min(LOSSY.run.window, LOSSY.samples - 11)
+    complete(COUNTED.complete.codec.encode(10 * STEP, 1.0, more))
+    assert rig.recorder.samples[COUNTED.received.name] == 11 + more
+    assert rig.recorder.failures == []
+
+
+@pytest.mark.parametrize("more", [0.5, -1.0, float("nan"), 1e300, float(LOSSY.samples)])
+def test_a_count_of_samples_that_the_run_has_not_comes_from_another_publisher(more: float) -> None:
+    rig = Rig(COUNTED.received, COUNTED.complete, scenario=LOSSY)
+    rig.receive[COUNTED.complete.name](COUNTED.complete.codec.encode(0, 1.0, more))
+    (failure,) = rig.recorder.failures
+    assert "samples more: it comes from another publisher" in failure
+
+
 @pytest.mark.parametrize("count", [0.0, 0.5, -1.0, float("nan"), float("inf")])
 def test_a_count_that_is_none_comes_from_another_publisher(count: float) -> None:
     rig = Rig(COUNTED.received, COUNTED.complete, scenario=LOSSY)

@@ -31,6 +31,7 @@ def refusal(text: str) -> str:
     return line
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -99,6 +100,7 @@ def test_many_wildcards_and_a_deep_namespace_are_matched_at_once():
     assert time.process_time() - begun < 1.0
 
 
+@pytest.mark.slow
 def test_a_large_table_of_speeds_makes_a_scenario_that_can_be_read(tmp_path):
     rows = "".join(f"{k / 7!r},{25 + k / 3e6!r}\n" for k in range(MAX_ROWS))
     (tmp_path / "speeds.csv").write_text(rows)

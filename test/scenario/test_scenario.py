@@ -1,6 +1,7 @@
 """Scenario files: what is refused, in which words, what is accepted, and that nothing is lost."""
 
 import math
+import re
 import sys
 from pathlib import Path
 
@@ -338,6 +339,7 @@ common_values = st.fixed_dictionaries(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=3 * settings().max_examples // 2)
 @given(common=common_values, own=st.dictionaries(st.integers(1, 5), own_values, max_size=3))
 def test_a_written_scenario_reads_back_the_same(common, own):
@@ -378,3 +380,38 @@ def test_values_may_be_arrays_and_leave_no_empty_section():
 def test_a_name_that_is_no_text_is_refused():
     with pytest.raises(ScenarioError, match=r"3 is no name of a parameter.*run\.seed"):
         Scenario().with_values({3: 1.0})  # type: ignore[dict-item]
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "period"),
+    [("run.step", 0.0005, "0.0005"), ("run.real_time_factor", 20.0, "0.0005")],
+)
+def test_clocks_that_no_process_keeps_are_refused(name: str, value: float, period: str) -> None:
+    values = {"run.duration": 1.0, name: value}
+    Scenario.from_values(values)
+    with pytest.raises(ScenarioError, match=f"{name} = .* a sample every {period} s of its clock"):
+        Scenario.from_values({**values, "run.sync": "wall"})
+    Scenario.from_values({**values, "run.sync": "wall", "run.step": 0.02})
+
+
+@pytest.mark.parametrize(
+    ("values", "why"),
+    [
+        ({"run.sync": "wall", "run.pause_at": 2.0}, "run.pause_at = 2.0 s must be -1 by clocks"),
+        ({"run.restarts": 1}, "run.restarts = 1 must be 0 in lockstep"),
+        (
+            {"run.restarts": 1, "run.sync": "wall", "run.adjustable": True},
+            "run.restarts = 1 must be 0 with run.adjustable",
+        ),
+        (
+            {"run.restarts": 1, "run.sync": "wall", "run.remote_hosts": ("east=1-6",)},
+            "run.restarts = 1 must be 0 with run.remote_hosts",
+        ),
+        ({"v2v.best_effort": True}, "v2v.best_effort = true must be false in lockstep"),
+    ],
+)
+def test_what_belongs_to_one_way_of_keeping_time_is_refused_in_the_other(
+    values: dict[str, object], why: str
+) -> None:
+    with pytest.raises(ScenarioError, match=re.escape(why)):
+        Scenario.from_values(values)

@@ -118,6 +118,7 @@ def test_an_event_of_no_change_is_refused(node, text):
         change_of(RunEvent(EventKind.CHANGE, 5, node, text))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("jitter", [0.0, 0.2])
 @pytest.mark.parametrize("size", [1, 30, 101])
 def test_packets_wait_for_earlier_ones_across_a_change(jitter, size):

@@ -48,6 +48,7 @@ def differences(run):
     return result
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_a_noisy_run_is_the_mean_one_and_what_its_draws_differ(name):
     """What the bound rests on, sample by sample, and the widths of the differences."""
@@ -64,6 +65,7 @@ def test_a_noisy_run_is_the_mean_one_and_what_its_draws_differ(name):
     assert (np.abs(drawn) <= width * (1 + 1e-9) + 1e-15).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_it_is_silent_of_the_mean_and_speaks_of_another_one(name):
     scenario = scenario_of(name)
@@ -75,6 +77,7 @@ def test_it_is_silent_of_the_mean_and_speaks_of_another_one(name):
     assert agreement_of(scenario, 100, simulate_mean(other)).largest_share > 1.0
 
 
+@pytest.mark.slow
 def test_false_alarms_are_no_more_often_than_the_level_says():
     """At a level of one half, 60 ensembles of few runs and noise that is rarely drawn."""
     scenario = scenario_of("held noise", **{"run.duration": 4.0, "v2v.bit_probabilities": (0.98,)})

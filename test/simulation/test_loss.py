@@ -30,6 +30,7 @@ def test_what_is_used_is_the_last_that_arrived_or_zero(reception):
         assert actual == used
 
 
+@pytest.mark.slow
 def test_without_loss_there_is_one_system():
     whole = simulate(Scenario.from_values({**SHORT, "v2v.loss": 0.0}))
     assert whole.arrivals is None
@@ -63,6 +64,7 @@ def test_a_channel_of_ones_own_may_be_late():
     assert (run.received[:3] == 0.0).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reception", ["hold", "zero"])
 def test_the_mean_of_400_runs_is_the_mean_system(reception):
     scenario = lossy(reception, **{"run.duration": 20.0, "run.step": 0.02})
@@ -80,6 +82,7 @@ def test_the_mean_of_400_runs_is_the_mean_system(reception):
 OTHER = {"hold": "zero", "zero": "hold"}
 
 
+@pytest.mark.slow
 def test_a_link_that_loses_everything():
     for reception in ("hold", "zero"):
         run = simulate(lossy(reception, **{"v2v.loss": 1.0}))
@@ -124,6 +127,7 @@ def test_constant_noise_and_loss_worked_out():
     assert abs(share - p) < 4 * np.sqrt(p * (1 - p) / 1300)
 
 
+@pytest.mark.slow
 def test_another_kind_of_law_is_never_taken_for_the_usual_one(monkeypatch):
     """Where `Follower.law` gives another class, the arrays use it."""
 

@@ -23,6 +23,7 @@ SHORT = Scenario.from_values(
 )
 
 
+@pytest.mark.slow
 def test_the_mean_of_400_noisy_runs_is_the_expectation_run():
     # paper, E[X] = X-bar; 4 standard errors at every vehicle and time
     scenario = load_scenario(CONFIG / "paper_a.yaml", ["run.step=0.05", "run.duration=100"])
@@ -42,6 +43,7 @@ def batches_of_seven(monkeypatch):
     monkeypatch.setattr(module, "BATCH_VALUES", values)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("batches_of_seven")
 def test_each_run_is_the_simulation_of_its_seed():
     ensemble = monte_carlo(SHORT, runs=60)
@@ -62,6 +64,7 @@ def test_the_first_runs_of_a_larger_ensemble_are_the_same():
     np.testing.assert_array_equal(few.max_abs_spacing_error, many.max_abs_spacing_error[:3])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "values",
     [

@@ -243,6 +243,7 @@ def test_wrong_packets_are_refused_in_one_line(values, words):
     assert "\n" not in str(told.value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reception", ["hold", "zero"])
 @pytest.mark.parametrize("rule", [{"v2v.period": 0.1}, {"v2v.send_rule": "cam"}, {}])
 @pytest.mark.parametrize("late", [("2", "3"), ("11", "13")])

@@ -11,7 +11,7 @@ from cacc_platoon.analysis import compute_metrics
 from cacc_platoon.analysis.consistency import check_consistency, check_links
 from cacc_platoon.runs.events import events_of
 from cacc_platoon.scenario import Scenario, ScenarioError
-from cacc_platoon.scenario.run_event import EventKind
+from cacc_platoon.scenario.run_event import MOST_TURNS, EventKind, RunEvent
 from cacc_platoon.scenario.timeline import Change
 from cacc_platoon.simulation import monte_carlo, simulate, simulate_mean
 from cacc_platoon.simulation.monitoring import alarms
@@ -69,16 +69,18 @@ def scenario(*parts: dict[str, Any], own: Any = None) -> Scenario:
     return Scenario.from_values({k: v for part in (SHORT, *parts) for k, v in part.items()}, own)
 
 
-def of_nodes(one, adjust=lambda *_: None, published=None, reception=None):
+def of_nodes(one, adjust=lambda *_: None, published=None, reception=None, told=None):
     """Return the motion of scalar steppers that pass messages on as nodes do, (3, samples, N+1).
 
-    What monitors publish is put into `published`, by index of the follower.
+    What monitors publish is put into `published`, by index of the follower; what followers tell of
+    themselves, into `told`.
     """
+    told = [] if told is None else told
     posted: deque = deque()
     motion: list[list[tuple[float, ...]]] = [[] for _ in one.vehicles]
 
     def post(kind, index):
-        return lambda stamp, value: posted.append((kind, index, stamp, value))
+        return lambda stamp, *values: posted.append((kind, index, stamp, *values))
 
     def tell(index):
         said = ({} if published is None else published).setdefault(index, [])
@@ -86,7 +88,11 @@ def of_nodes(one, adjust=lambda *_: None, published=None, reception=None):
 
     followers = {
         f.index: LockstepFollower(
-            f.receiving(reception), one, post("state", f.index), publish_monitor=tell(f.index)
+            f.receiving(reception),
+            one,
+            post("state", f.index),
+            publish_monitor=tell(f.index),
+            tell=told.append,
         )
         for f in one.followers
     }
@@ -101,11 +107,12 @@ def of_nodes(one, adjust=lambda *_: None, published=None, reception=None):
         adjust(k, followers, relays)
         leader.take_horizon(k)
         while posted:
-            kind, index, stamp, value = posted.popleft()
+            kind, index, stamp, *values = posted.popleft()
+            value = values[0]
             if kind == "accel":
                 followers[index].take_acceleration(stamp, value)
             elif kind == "count":
-                followers[index].take_count(stamp, float(value))
+                followers[index].take_count(stamp, float(values[0]), float(values[1]))
             else:
                 motion[index].append(tuple(value))
                 if (behind := index + 1) in followers:
@@ -119,21 +126,18 @@ def of_nodes(one, adjust=lambda *_: None, published=None, reception=None):
     return np.array([one[:samples] for one in motion]).transpose(2, 1, 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", RUNS)
 def test_nodes_and_arrays_agree_to_the_last_bit(name):
-    one = scenario(RUNS[name])
-    run = simulate(one)
-    np.testing.assert_array_equal(of_nodes(one), np.stack(run.motion))
-    assert (run.share is None) == (RUNS[name].get("v2v.reception") != "fallback")
-
-
-@pytest.mark.parametrize("name", ["watched", "watched, lossy"])
-def test_what_a_monitor_publishes_is_what_is_worked_out_from_the_run(name):
+    """In their motion, and in what the monitors publish where there are any."""
     published: dict[int, list[tuple[int, bool]]] = {}
     one = scenario(RUNS[name])
-    of_nodes(one, published=published)
-    found = alarms(simulate(one))
-    assert set(found) == set(published) == {1, 2, 3}
+    run = simulate(one)
+    np.testing.assert_array_equal(of_nodes(one, published=published), np.stack(run.motion))
+    assert (run.share is None) == (RUNS[name].get("v2v.reception") != "fallback")
+    found = alarms(run)
+    assert [*found] == [index for index, said in published.items() if said]
+    assert set(found) == ({1, 2, 3} if "watched" in name else set())
     for index, alarm in found.items():
         stamps, said = zip(*published[index], strict=True)
         assert stamps == tuple(k * one.step_ns for k in range(one.samples))
@@ -141,6 +145,38 @@ def test_what_a_monitor_publishes_is_what_is_worked_out_from_the_run(name):
         assert 0.0 < alarm.mean() < 0.5
 
 
+FLICKER = {"v2v.reception": "fallback", "v2v.loss": 0.5, "v2v.fallback_after": 0.02}
+TURNING = {
+    "flicker": {**FLICKER, "v2v.fallback_blend": 0.02, "v2v.fallback_return": 0.01},
+    "trembling limits": {"vehicle.limits": "constant", "vehicle.max_jerk": 0.5, **FLICKER},
+    "from the first sample on": {**SILENT, "v2v.blackouts": (0.0, 9.0), "v2v.fallback_after": 0.01},
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [*RUNS, *TURNING])
+def test_what_followers_tell_is_what_a_run_shows(name):
+    one = scenario((RUNS | TURNING)[name])
+    told: list[RunEvent] = []
+    of_nodes(one, told=told)
+    turns = (EventKind.RECEPTION, EventKind.LIMIT)
+    shown = [event for event in events_of(simulate(one)) if event.kind in turns]
+    last = max((event.sample for event in shown), default=0)
+    told = [event for event in told if event.kind in turns and event.sample <= last]
+    assert sorted(told, key=lambda event: event.order) == shown
+    if name in TURNING:
+        assert shown
+
+
+def test_of_what_chatters_the_first_turns_are_told():
+    told: list[RunEvent] = []
+    of_nodes(scenario(TURNING["flicker"]), told=told)
+    texts = [event.text for event in told if event.node == "vehicle_2/vehicle"]
+    assert len(texts) == MOST_TURNS
+    assert set(texts) == {"normal", "degrading", "fallback", "recovering"}
+
+
+@pytest.mark.slow
 def test_a_monitor_that_reports_changes_nothing_and_one_that_acts_prevents_a_collision():
     modes = "none", "report", "fallback"
     quiet, reports, acts = (simulate(scenario(WATCHED, {"v2v.monitor": mode})) for mode in modes)
@@ -168,6 +204,7 @@ def test_a_reception_of_ones_own_is_asked_whether_packets_are_prompt_or_not(chan
     assert np.abs(run.acceleration[:, 1]).max() < np.abs(usual.acceleration[:, 1]).max()
 
 
+@pytest.mark.slow
 def test_a_platoon_may_mix_links():
     own = {2: {"v2v.send_rule": "periodic", "v2v.reception": "hold"}}
     one = scenario(RUNS["all"], own=own)
@@ -200,15 +237,18 @@ def test_runs_together_are_runs_alone():
         np.testing.assert_array_equal(compute_metrics(alone).max_abs_spacing_error, found)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("begin", [9.0, 10.0, 10.5, 12.0])
 @pytest.mark.parametrize("reception", ["hold", "zero", "fallback"])
 def test_ten_seconds_without_v2v_in_a_full_brake(reception, begin):
     """The leader brakes from 10 s on with 6 m/s^2, on all links and in the mean."""
     dark = {"v2v.reception": reception, "v2v.blackouts": (begin, begin + 10.0)}
-    gaps = [float(np.min(run(scenario(BRAKE, dark)).gap)) for run in (simulate, simulate_mean)]
+    one = scenario(BRAKE, dark, {"run.duration": 30.0})
+    gaps = [float(np.min(run(one).gap)) for run in (simulate, simulate_mean)]
     assert all(gap > 0.0 for gap in gaps) == (reception == "fallback")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("motion", ["sine", "brake"])
 def test_bursts_latency_and_ten_dark_seconds_on_one_link(motion):
     """More seeds, and hold and zero beside it: examples/standard_messages/one_link.py."""
@@ -240,6 +280,7 @@ def silent_runs(count):
         yield scenario(BRAKE, {"platoon.followers": 1, "run.duration": 14.0}, values)
 
 
+@pytest.mark.slow
 def test_no_blend_changes_the_command_by_more_than_its_bound():
     """The jump of u beyond what it would be with the share of the sample before, of 200 runs."""
     runs = list(silent_runs(200))
@@ -285,6 +326,7 @@ TIMELINE = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["ideal", "lossy cam", "silence", "sensors"])
 def test_a_timeline_is_the_same_on_nodes_and_in_arrays(name):
     one = scenario(RUNS.get(name, {}), {"run.timeline": TIMELINE})
@@ -298,6 +340,7 @@ def test_a_timeline_is_the_same_on_nodes_and_in_arrays(name):
     assert (run.acceleration[3000] != quiet.acceleration[3000])[1:].all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["ideal", "lossy cam"])
 def test_a_change_that_was_not_planned_is_the_planned_one_of_its_sample(name):
     """A run that is adjusted, and its record replayed: the same bits."""
@@ -330,6 +373,7 @@ def test_a_change_that_was_not_planned_is_the_planned_one_of_its_sample(name):
     assert not np.array_equal(found, np.stack(simulate(one).motion))
 
 
+@pytest.mark.slow
 def test_a_headway_changes_without_a_jump_of_the_command():
     one = scenario({"leader.profile": "constant", "v2v.noise": "none", "run.duration": 300.0})
     run = simulate(one.with_values({"run.timeline": ["10 vehicle_1 controller.time_headway=1.4"]}))
@@ -340,6 +384,7 @@ def test_a_headway_changes_without_a_jump_of_the_command():
     assert run.gap[-1, 0] == pytest.approx(5.0 + 1.4 * 25.0, abs=0.3)
 
 
+@pytest.mark.slow
 def test_the_mean_of_runs_with_a_timeline_is_the_expectation_run():
     one = scenario({"run.timeline": TIMELINE, "run.duration": 40.0, "run.step": 0.02})
     mean, ensemble = simulate_mean(one), monte_carlo(one, 150)

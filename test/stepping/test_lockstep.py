@@ -3,10 +3,11 @@
 import dataclasses
 import math
 import random
+from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from cacc_platoon.model import ComposedChannel, Delivery, State
@@ -118,6 +119,128 @@ def test_a_count_of_another_publisher_says_from_where_on_nothing_can_be_trusted(
         core.take_count(stamp, count)
     doubt = f"everything from sample {doubtful} on may be wrong"
     assert str(error.value).endswith(doubt) == (doubtful is not None)
+
+
+@pytest.mark.parametrize("more", [0.5, -1.0, math.nan, math.inf, LOSSY.run.window + 1.0])
+def test_a_count_stands_for_samples_of_the_window_alone(more: float) -> None:
+    core = counted()
+    core.take_count(0, 0.0)
+    with pytest.raises(LockstepError, match=r"v2v/complete .* samples more: .*another publisher"):
+        core.take_count(STEP, 0.0, more)
+
+
+def test_a_count_stands_for_samples_of_the_run_alone() -> None:
+    core, window = counted(), LOSSY.run.window
+    last = LOSSY.samples - 1
+    for k in range(0, last - window, window + 1):
+        core.take_count(k * STEP, 0.0, window)
+    due = k + window + 1
+    with pytest.raises(LockstepError, match=r"v2v/complete .* samples more: .*another publisher"):
+        core.take_count(due * STEP, 0.0, last - due + 1.0)
+    core.take_count(due * STEP, 0.0, last - due)
+
+
+def test_a_follower_goes_as_far_as_counts_stand_for_and_no_further() -> None:
+    states: list[int] = []
+    core = LockstepFollower(LOSSY.follower(1), LOSSY, lambda stamp, state: states.append(stamp))
+    for k in range(9):
+        core.take_position(k * STEP, 100.0)
+        core.take_velocity(k * STEP, 25.0)
+    core.take_count(0, 1.0, 3.0)
+    assert states == [0]
+    core.take_acceleration(0, 0.5)
+    assert states[-1] == 4 * STEP
+    with pytest.raises(LockstepError, match="is stamped"):
+        core.take_count(3 * STEP, 1.0)
+    core.take_count(4 * STEP, 1.0)
+    assert states[-1] == 5 * STEP
+
+
+CAM_LOSSY = {
+    **{"v2v.send_rule": "cam", "v2v.phase": "random", "v2v.loss": 0.1},
+    **{"v2v.latency": 0.02, "v2v.jitter": 0.03, "v2v.noise": "none"},
+}
+
+
+def relayed(one: Scenario) -> tuple[list[tuple[int, int, int]], list[tuple[int, int]]]:
+    """Return the counts of a relay, and sample and source of what it has published."""
+    counts: list[tuple[int, int, int]] = []
+    published: list[tuple[int, int]] = []
+    now = 0
+
+    def publish(stamp: int, _: float) -> None:
+        published.append((now, stamp // one.step_ns))
+
+    def count(stamp: int, total: int, more: int) -> None:
+        assert total == len(published)
+        counts.append((stamp // one.step_ns, total, more))
+
+    relay = LockstepRelay(one.follower(1), one, publish, count)
+    motion: list[tuple[int, State[float]]] = []
+    LockstepLeader(one, lambda *sample: motion.append(sample)).take_horizon(one.samples)
+    for now, (stamp, state) in enumerate(motion):  # noqa: B007  (publish reads it)
+        relay.take(stamp, state.acceleration)
+        if one.follower(1).triggered:
+            relay.take_velocity(stamp, state.velocity)
+            relay.take_position(stamp, state.position)
+    return counts, published
+
+
+@pytest.mark.slow
+@settings(deadline=None, max_examples=60)
+@given(
+    send=st.sampled_from(
+        [
+            {},
+            {"v2v.period": 0.1, "v2v.phase": "random"},
+            {"v2v.send_rule": "cam"},
+            {"v2v.send_rule": "cam", "v2v.phase": "random", "v2v.cam_check": 0.01},
+        ]
+    ),
+    loss=st.sampled_from([0.0, 0.1, 0.9, 1.0]),
+    late=st.sampled_from([(0.0, 0.0), (0.02, 0.03), (0.0, 0.4)]),
+    in_order=st.booleans(),
+    seed=st.integers(1, 1000),
+)
+def test_what_a_relay_says_of_samples_to_come_is_true(
+    send: dict[str, Any], loss: float, late: tuple[float, float], in_order: bool, seed: int
+) -> None:
+    """Its counts are of all samples, each once, and what it publishes is what simulation says."""
+    latency, jitter = late
+    link = {"v2v.loss": loss, "v2v.latency": latency, "v2v.jitter": jitter}
+    frame = {"v2v.in_order": in_order, "run.seed": seed, "run.duration": 20.0}
+    one = Scenario.from_values({**send, **link, **frame, "platoon.followers": 1})
+    assume(one.follower(1).counted)
+    counts, published = relayed(one)
+    due = 0
+    for sample, total, more in counts:
+        assert sample == due
+        assert total == sum(k <= sample + more for k, _ in published)
+        due += 1 + more
+    assert due == one.samples
+    arrivals = simulate(one).arrivals
+    assert arrivals is not None
+    (arrived,) = arrivals
+    assert published == list(zip(arrived.sample.tolist(), arrived.source.tolist(), strict=True))
+    if in_order:
+        assert arrived.source.tolist() == sorted(arrived.source.tolist())
+
+
+def test_under_cam_few_counts_are_needed() -> None:
+    """A third message for every packet, instead of one of every sample."""
+    one = Scenario.from_values({**CAM_LOSSY, "run.duration": 40.0})
+    counts, published = relayed(one)
+    assert len(published) > 150
+    assert len(counts) < 0.16 * one.samples
+
+
+def test_a_relay_whose_parameters_may_be_set_says_nothing_of_samples_to_come() -> None:
+    """But under CAM, where what may be set is of packets that are not sent yet."""
+    late = {"v2v.loss": 1.0, "v2v.period": 0.1, "run.adjustable": True, "run.duration": 5.0}
+    one = Scenario.from_values(late)
+    assert [more for _, _, more in relayed(one)[0]] == one.samples * [0]
+    counts, _ = relayed(Scenario.from_values({**late, "v2v.period": 0.0, **CAM_LOSSY}))
+    assert max(more for _, _, more in counts) == 9
 
 
 def test_a_received_acceleration_that_is_there_already_is_refused() -> None:

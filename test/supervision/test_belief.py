@@ -143,3 +143,54 @@ def test_counts_are_published_by_the_relay() -> None:
     own = OwnHost("0", frozenset({"vehicle_1/noise_relay"}), frozenset())
     allowed = Belief(Graph.of(scenario), [own]).publishers([], started=True)
     assert allowed["/platoon/vehicle_1/v2v/complete"] == {"/platoon/vehicle_1/noise_relay"}
+
+
+# Hosts that others start, by name.
+
+EAST = HostState(
+    "f00d", "east", 7, ("host_east/recorder", MANUAL, "vehicle_2/noise_relay"), records=TOPICS
+)
+
+
+def waits_for_east(spawn: bool = True) -> Belief:
+    values = {"platoon.followers": 2, "run.remote_hosts": ("east=2",), "run.spawn": spawn}
+    scenario = Scenario.from_values(values, None, "test")
+    return Belief.in_run(scenario, [], OwnHost("supervisor", frozenset(), frozenset()))
+
+
+@pytest.mark.parametrize("spawn", [True, False])
+def test_a_host_that_is_waited_for_by_its_name_may_be_any_process_and_record_anywhere(
+    spawn: bool,
+) -> None:
+    waits = waits_for_east(spawn)
+    assert doubt(waits, EAST, part="/there/host_east") == ""
+    assert doubt(waits, EAST, EAST, pid=8, waiting=True) == ""
+    line = doubt(waits, EAST, EAST, pid=8, waiting=False)
+    assert "process 8 speaks for it, but it is process 7" in line
+
+
+@pytest.mark.parametrize(
+    ("changes", "why"),
+    [
+        ({"nodes": ("vehicle_1/vehicle",)}, "runs vehicle_1/vehicle, which it was not given"),
+        ({"records": ("/platoon/vehicle_1/pose",)}, "which is not for it to record"),
+        ({"host": "west", "nodes": (MANUAL,)}, "which is none of the nodes that are started"),
+    ],
+)
+def test_it_may_not_be_more_than_it_was_named_for(changes: dict[str, Any], why: str) -> None:
+    assert why in doubt(waits_for_east(), EAST, **changes)
+
+
+def test_hosts_that_have_not_come_are_named() -> None:
+    nodes = [*EAST.nodes[1:], "vehicle_1/vehicle"]
+    waits = waits_for_east()
+    assert waits.missing(nodes, {}) == ["host east (vehicles 2)", "vehicle_1/vehicle"]
+    assert waits.missing(nodes, {"east": EAST}) == ["vehicle_1/vehicle"]
+    half = dataclasses.replace(EAST, nodes=EAST.nodes[:2])
+    assert waits.missing(nodes[:2], {"east": half}) == ["vehicle_2/noise_relay"]
+
+
+def test_what_it_publishes_is_known_only_once_the_run_has_shown_itself() -> None:
+    waits, topic = waits_for_east(), "/platoon/vehicle_2/pose"
+    assert waits.publishers([], started=True)[topic] == {f"/platoon/{MANUAL}"}
+    assert waits.publishers([], started=False)[topic] == frozenset()

@@ -116,3 +116,12 @@ def test_a_supervisor_that_falls_silent_has_abandoned_its_hosts() -> None:
 
 def test_a_host_that_has_met_no_supervisor_waits_for_ever() -> None:
     assert not host().abandoned(1e9)
+
+
+def test_a_status_that_asks_for_the_time_is_answered() -> None:
+    asked = RunStatus("f00d", RunPhase.RUNNING, sent=123)
+    met = host().take_status(asked, 1.0, received=456)
+    assert (met.state.answers, met.state.answered) == (123, 456)
+    again = met.take_status(status(RunPhase.RUNNING), 2.0, received=789)
+    assert again.state == met.state
+    assert host().take_status(RunStatus("other", sent=123), 1.0, received=456) == host()

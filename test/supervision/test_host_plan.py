@@ -83,11 +83,11 @@ def test_a_plan_says_where_a_host_records_and_logs() -> None:
 
 
 def test_processes_that_would_not_find_each_other_are_refused() -> None:
-    many = scenario(platoon__followers=16, run__hosts="per_node")
-    with pytest.raises(UserError, match="per_node makes 33 processes, but DDS connects fewer"):
+    many = scenario(platoon__followers=50, run__hosts="per_node")
+    with pytest.raises(UserError, match="per_node makes 101 processes, but DDS connects fewer"):
         plans(many, local=True)
-    assert len(plans(many)) == 33
-    assert len(plans(scenario(platoon__followers=15, run__hosts="per_node"), local=True)) == 31
+    assert len(plans(many)) == 101
+    assert len(plans(scenario(platoon__followers=49, run__hosts="per_node"), local=True)) == 99
 
 
 # What has to be recorded.
@@ -127,6 +127,20 @@ def test_a_failed_run_says_who_was_silent_and_what_it_had() -> None:
         EndStatus.FAILED,
         "no progress for 2 s; host 1 does not answer; the last complete sample is 30 (0.3 s)",
     )
+
+
+def test_a_stalled_run_in_which_all_stopped_together_names_those_it_may_have_been() -> None:
+    """A host with all nodes that was frozen, and is there again when the run ends."""
+    counts = dict.fromkeys(TOPICS, 31)
+    stalled = EndRun(EndStatus.FAILED, "no progress for 2 s", stalled=True)
+    _, message = conclude(SCENARIO, TOPICS, stalled, counts, 101)
+    assert (
+        "vehicle_0/leader, the recorder of a host or the supervisor stopped, at sample 30"
+        in message
+    )
+    silent = EndRun(EndStatus.FAILED, "no progress for 2 s", ("host 1 is silent",), stalled=True)
+    _, message = conclude(SCENARIO, TOPICS, silent, counts, 101)
+    assert "vehicle_0/leader" not in message
 
 
 def test_an_interrupted_run_says_who_interrupted_it_and_no_more() -> None:

@@ -35,6 +35,8 @@ HOST = HostState(
     failure="the disk is full",
     parameters={"vehicle_2/vehicle": {"run.step": 0.01, "run.seed": 7, "vehicle.tau": [0.1, 0.2]}},
     events=(RunEvent(EventKind.COLLISION, 12, "vehicle_2/vehicle"),),
+    answers=1_700_000_000_000_000_000,
+    answered=1_700_000_000_000_000_321,
 )
 STATUS = RunStatus(
     run="f00d",
@@ -44,6 +46,7 @@ STATUS = RunStatus(
     message="",
     hosts=(HostInfo("0", 4711, ("vehicle_0/leader",)),),
     subscribers={"/platoon/vehicle_0/pose": 2},
+    sent=1_700_000_000_000_000_000,
 )
 BOTH = pytest.mark.parametrize("record", [HOST, STATUS], ids=["host state", "run status"])
 
@@ -121,11 +124,11 @@ def test_every_run_status_comes_back(status: RunStatus) -> None:
 @BOTH
 def test_the_keys_are_those_of_the_fields_and_the_format(record: HostState | RunStatus) -> None:
     """The wire format: a change of these lists is a change of VERSION."""
-    assert VERSION == 2
+    assert VERSION == 4
     keys = {
         HostState: "format run host pid nodes publishes subscribes records part phase missing "
-        "failure parameters events",
-        RunStatus: "format run phase sample samples message hosts subscribers",
+        "failure parameters events answers answered machine",
+        RunStatus: "format run phase sample samples message hosts subscribers start sent scenario",
     }
     assert list(json.loads(record.to_json())) == keys[type(record)].split()
     assert [field.name for field in dataclasses.fields(record)] == keys[type(record)].split()[1:]
@@ -170,14 +173,14 @@ def test_a_key_that_is_not_known_is_passed_over(record: HostState | RunStatus) -
 
 
 @BOTH
-@pytest.mark.parametrize("version", [1, 3, 10**6])
+@pytest.mark.parametrize("version", [1, 3, 5, 10**6])
 def test_another_version_says_so_and_what_to_do(
     record: HostState | RunStatus, version: int
 ) -> None:
     line = reason(record, changed(record, format=version))
     assert line == (
         f"the message is of format {version}, but this version of cacc_platoon understands "
-        "format 2. Use the same version of cacc_platoon for all nodes"
+        "format 4. Use the same version of cacc_platoon for all nodes"
     )
 
 

@@ -14,14 +14,14 @@ from cacc_platoon.runs.info import EndStatus, HostInfo
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.run_event import EventKind, RunEvent
 from cacc_platoon.stepping.deliveries import lost_or_foreign
-from cacc_platoon.supervision.belief import Belief, OwnHost, refusal
+from cacc_platoon.supervision.belief import ADVICE, Belief, OwnHost, refusal
+from cacc_platoon.supervision.ending import ANSWER_LIMIT, GOODBYE_TIMEOUT
 from cacc_platoon.supervision.newcomers import (
-    ADVICE,
     NEWCOMER_LOOKS,
     NEWCOMER_WAIT,
     RIVAL_PATIENCE,
 )
-from cacc_platoon.supervision.pacing import stall_limit, start_limit
+from cacc_platoon.supervision.pacing import known_ahead, stall_limit, start_limit
 from cacc_platoon.supervision.protocol import (
     VERSION,
     HostPhase,
@@ -47,20 +47,20 @@ from cacc_platoon.supervision.run_events import (
     Recorded,
     RecordersConnected,
     RecordTheRest,
+    ResumeAsked,
     RivalHeard,
     SignalReceived,
     StartHosts,
+    StepAsked,
     Tell,
     Tick,
     Warn,
 )
 from cacc_platoon.supervision.run_machine import (
-    GOODBYE_TIMEOUT,
     GRAPH_PERIOD,
-    OWN_HOST,
     RunMachine,
 )
-from cacc_platoon.supervision.run_state import HEARTBEAT_PERIOD, Stage, some
+from cacc_platoon.supervision.run_state import HEARTBEAT_PERIOD, OWN_HOST, Stage, some
 from msg_adapters.topics import Graph
 
 RUN = "f00d"
@@ -569,6 +569,14 @@ def test_a_recorder_that_claims_more_is_another_publisher(sample: int) -> None:
     )
 
 
+def test_a_recorder_of_relays_may_know_a_window_more() -> None:
+    """That nothing is delivered at samples to come, which its relays say of at most so many."""
+    prompt = Scenario.from_values({"platoon.followers": 2})
+    lossy = prompt.with_values({"v2v.loss": 0.5})
+    assert known_ahead(prompt) == 0
+    assert known_ahead(lossy) == lossy.run.window
+
+
 def test_before_the_run_nothing_can_have_been_recorded() -> None:
     play = Play().matching()
     play.feed(Recorded("front", 0))
@@ -664,7 +672,8 @@ def test_a_failure_that_a_host_reports_ends_the_run(stage: str) -> None:
     getattr(play, stage)()
     play.feed(failed(REAR, "the disk is full"))
     assert play.run.phase is not RunPhase.FAILED
-    assert play.after(TICK) == [PublishStatus(), CloseOwnHost()]
+    fault = Tell(RunEvent(EventKind.FAULT, 0, OWN_HOST, "the disk is full"))
+    assert play.after(TICK) == [fault, PublishStatus(), CloseOwnHost()]
     assert play.run.phase is RunPhase.FAILED
     assert play.machine.status(play.run).message == "the disk is full"
 
@@ -682,6 +691,18 @@ def test_a_flood_of_messages_of_others_takes_no_memory() -> None:
     play = Play().running()
     play.feed(*(MessageRefused(f"message {i} from another publisher") for i in range(1000)))
     assert len(play.run.refused) == 3
+
+
+@pytest.mark.parametrize(
+    ("count", "told"), [(3, ""), (4, "4 messages of another publisher were refused; ")]
+)
+def test_a_flood_of_messages_of_others_is_counted(count: int, told: str) -> None:
+    play = Play().running()
+    play.feed(*(MessageRefused(f"message {i} from another publisher") for i in range(count)))
+    play.after(GRAPH_PERIOD + TICK)
+    play.after(GRAPH_PERIOD + TICK)
+    named = "; ".join(f"message {i} from another publisher" for i in range(3))
+    assert play.run.end == EndRun(EndStatus.FAILED, f"{named}; {told}{ADVICE}")
 
 
 def test_a_message_of_none_of_ours_is_one_of_another_publisher() -> None:
@@ -859,8 +880,8 @@ EVIL = "/tmp/evil"
     [
         ({"pid": 7}, "process 7 speaks for it, but it is process 100"),
         ({"part": EVIL}, "says that it records in /tmp/evil, but it was given no folder"),
-        ({"records": TOPICS}, f"says that it records {TOPICS[1]}, which none of its nodes"),
-        ({"records": ("/else",)}, "says that it records /else, which none of its nodes publishes"),
+        ({"records": TOPICS}, f"says that it records {TOPICS[1]}, which is not for it to record"),
+        ({"records": ("/else",)}, "says that it records /else, which is not for it to record"),
         ({"nodes": ("vehicle_9/leader",)}, "says that it runs vehicle_9/leader, which it was not"),
         ({"host": "evil"}, "runs vehicle_0/leader, which is none of the nodes that are started"),
         ({"host": "evil", "nodes": ()}, "this run has not started it, and no node is started"),
@@ -1013,6 +1034,25 @@ def test_silent_hosts_are_named_and_not_waited_for_longer() -> None:
     )
 
 
+def test_a_host_that_answers_late_after_a_stall_is_named() -> None:
+    """It was frozen, and is there again before the others have left."""
+    play = Play(run__stall_timeout=2.0).running()
+    play.after(2.1)
+    play.after(TICK, HostReported(phase(FRONT, HostPhase.CLOSED)))
+    play.after(ANSWER_LIMIT)
+    play.after(TICK, HostReported(phase(REAR, HostPhase.CLOSED)))
+    rear = "host rear (process 101: vehicle_1/vehicle, vehicle_1/noise_relay)"
+    assert play.end.silent == (f"{rear} answered only after {ANSWER_LIMIT:g} s",)
+
+
+def test_who_takes_its_time_after_another_end_is_not_accused() -> None:
+    play = Play().running()
+    play.after(TICK, SignalReceived("SIGINT"))
+    play.after(ANSWER_LIMIT + TICK)
+    play.closed()
+    assert play.end.silent == ()
+
+
 def test_the_heartbeat_goes_on_until_the_run_is_over() -> None:
     play = Play().running()
     play.after(TICK, SignalReceived("SIGINT"))
@@ -1071,3 +1111,28 @@ def test_any_run_of_events_keeps_the_rules(events: list[tuple[float, Event]]) ->
     assert len(play.done(StartHosts)) <= 1
     assert horizons(play.actions) == sorted(horizons(play.actions))
     assert all(len(play.done(kind)) <= 1 for kind in (RecordTheRest, CloseOwnHost))
+
+
+def test_a_run_that_is_paused_stalls_not_and_shows_where_it_is() -> None:
+    play = Play(run__pause_at=0.05).running()
+    assert horizons(play.record(4))[-1] == 5
+    assert play.machine.doing(play.run) == "paused at sample 5"
+    assert play.machine.simulated(play.run, play.now) == 50_000_000
+    play.after(2.0 * stall_limit(play.machine.scenario))
+    assert horizons(play.feed(StepAsked(3)))[-1] == 8
+    assert play.machine.doing(play.run) == Stage.RUNNING
+    assert play.machine.simulated(play.run, play.now) == 40_000_000
+    assert horizons(play.feed(ResumeAsked()))[-1] == 4 + play.machine.scenario.run.window
+    play.complete()
+    play.after(TICK)
+    play.closed()
+    assert play.end.status is EndStatus.FINISHED
+    kinds = [tell.event.kind for tell in play.done(Tell) if isinstance(tell, Tell)]
+    assert kinds == [EventKind.START, EventKind.PAUSE, EventKind.RESUME, EventKind.END]
+
+
+def test_a_run_stalls_on_its_way_to_a_pause() -> None:
+    play = Play(run__pause_at=0.5).running()
+    play.record(4)
+    play.after(2.0 * stall_limit(play.machine.scenario))
+    assert play.run.phase is RunPhase.FAILED

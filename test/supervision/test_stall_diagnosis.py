@@ -4,7 +4,11 @@ import pytest
 
 from cacc_platoon.model import Topology
 from cacc_platoon.scenario import Scenario
-from cacc_platoon.supervision.stall_diagnosis import last_sample, stopped_first
+from cacc_platoon.supervision.stall_diagnosis import (
+    last_sample,
+    stopped_first,
+    stopped_together,
+)
 from msg_adapters.topics import Graph, VehicleTopics
 
 SCENARIO = Scenario.from_values({"platoon.followers": 3, "run.duration": 1.0}, None, "test")
@@ -41,6 +45,14 @@ def test_what_is_in_transit_is_no_stop() -> None:
     counts = counts_when("nobody", at=0)
     assert stopped_first(SCENARIO, counts) == []
     assert last_sample(SCENARIO, counts) == "the last complete sample is 79 (0.79 s)"
+
+
+def test_where_all_stopped_together_it_was_the_leader_or_who_records() -> None:
+    [line] = stopped_together(SCENARIO, counts_when("nobody", at=0))
+    assert (
+        "vehicle_0/leader, the recorder of a host or the supervisor stopped, at sample 79" in line
+    )
+    assert stopped_together(SCENARIO, counts_when("nobody", at=0, leader=101)) == []
 
 
 def test_an_empty_run_names_nobody() -> None:

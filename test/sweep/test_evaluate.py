@@ -23,6 +23,7 @@ def test_a_row_has_the_numbers_of_the_run():
     assert "packet reception probability from p = 0.8 to 1" in row.basis
 
 
+@pytest.mark.slow
 def test_other_processes_give_the_same_rows():
     scenarios = [SHORT.with_values({"run.seed": seed}) for seed in (1, 2)]
     with ProcessPoolExecutor(1) as pool:

@@ -1,6 +1,7 @@
 """Commands whose output is closed or full, whose paths are none, whose middleware is absent."""
 
 import contextlib
+import itertools
 import json
 import os
 import signal
@@ -30,10 +31,15 @@ def shell(line: str, *arguments: str, **environment: str) -> "subprocess.Complet
     )
 
 
+CLOSED = ("platoon >&-", "platoon <&- >&-", "platoon <&- >&- 2>&-")
+SAYING = (("parameters",), ("--help",), ("design", "--json"))
+SIMULATE = ("simulate", PAPER_A, *SHORT)
+
+
 @pytest.mark.parametrize(
-    "arguments", [("parameters",), ("simulate", PAPER_A, *SHORT), ("--help",), ("design", "--json")]
+    ("line", "arguments"),
+    [*itertools.product(CLOSED, SAYING), (CLOSED[0], SIMULATE), (CLOSED[-1], SIMULATE)],
 )
-@pytest.mark.parametrize("line", ["platoon >&-", "platoon <&- >&-", "platoon <&- >&- 2>&-"])
 def test_closed_streams(tmp_path: Path, line: str, arguments: tuple[str, ...]) -> None:
     output = ("-o", str(tmp_path / "run")) if "simulate" in arguments else ()
     done = shell(line, *arguments, *output)

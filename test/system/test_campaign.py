@@ -16,17 +16,23 @@ def searched(name: str, count: int) -> str:
 
 
 def test_hostile_input_breaks_no_rule() -> None:
-    said = searched("inputs.py", 4)
-    assert "scenarios: 4 cases" in said
-    assert "folders: 4 cases" in said
+    said = searched("inputs.py", 2)
+    assert "scenarios: 2 cases" in said
+    assert "folders: 2 cases" in said
 
 
 def test_recommended_designs_keep_all_that_is_asked() -> None:
-    assert "2 questions" in searched("designs.py", 2)
+    assert "1 questions" in searched("designs.py", 1)
 
 
-def test_faults_of_platoons_break_no_rule() -> None:
-    assert "2 faults, 0 with something wrong" in searched("faults.py", 2)
+def test_faults_of_platoons_end_as_they_may(tmp_path: Path) -> None:
+    """Two at once; what is left of those that did not is kept for whoever looks at the test."""
+    kept = tmp_path / "kept"
+    command = [sys.executable, "-m", "cacc_platoon", "campaign", "--faults", "6", "--jobs", "2"]
+    done = subprocess.run([*command, "-o", str(kept)], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "6 faults, 6 ended as they may, 0 not" in done.stdout
+    assert not kept.exists()
 
 
 def test_channels_have_one_digest_whatever_disturbs_them() -> None:

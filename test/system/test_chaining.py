@@ -1,4 +1,4 @@
-"""A platoon grown piece by piece on real nodes: 6 + 6 are 12, bit for bit."""
+"""A platoon grown piece by piece on real nodes: 3 + 3 are 6, bit for bit."""
 
 import hashlib
 from collections.abc import Callable
@@ -14,7 +14,7 @@ from msg_adapters.topics import Graph
 
 Start = Callable[..., Platoon]
 SHORT = ("run.duration=8", "leader.start=1")
-REAR = ("platoon.followers=6", "platoon.first_follower=7", "leader.profile=bag")
+REAR = ("platoon.followers=3", "platoon.first_follower=4", "leader.profile=bag")
 
 
 def topic_hashes(bag: Path) -> dict[str, str]:
@@ -33,19 +33,19 @@ def finished(run: Platoon) -> Platoon:
     return run
 
 
-def test_six_and_six_are_twelve(platoon: Start) -> None:
-    front = platoon(*SHORT, "platoon.followers=6", hosts=2)
-    whole = platoon(*SHORT, hosts=2)
+def test_three_and_three_are_six(platoon: Start) -> None:
+    front = platoon(*SHORT, "platoon.followers=3", hosts=2)
+    whole = platoon(*SHORT, "platoon.followers=6", hosts=2)
     finished(front), finished(whole)
     rear = finished(platoon(*SHORT, *REAR, f"leader.file={front.folder.path}", hosts=2))
-    twelve, six = topic_hashes(whole.folder.bag), topic_hashes(rear.folder.bag)
-    assert set(six) == {
-        topic.name for topic in Graph("/platoon", Topology(range(7, 13))).run_topics
+    six, three = topic_hashes(whole.folder.bag), topic_hashes(rear.folder.bag)
+    assert set(three) == {
+        topic.name for topic in Graph("/platoon", Topology(range(4, 7))).run_topics
     }
-    for name, found in six.items():
-        assert found == twelve[name], name
+    for name, found in three.items():
+        assert found == six[name], name
     led = rear.folder.scenario().leader
-    assert (led.vehicle, led.file) == (6, str(front.folder.path))
+    assert (led.vehicle, led.file) == (3, str(front.folder.path))
     trajectory = rear.result().trajectory()
     again = run_digest(recording_of(trajectory), Graph.of(trajectory.scenario))
     assert rear.result().digest == again

@@ -13,7 +13,16 @@ from cacc_platoon.dds.domain import own_domain
 from cacc_platoon.scenario.file import load_scenario
 
 ROOT = Path(__file__).parents[2]
-EXECUTABLES = ["leader", "markers", "noise_relay", "platoon", "recorder", "supervisor", "vehicle"]
+EXECUTABLES = [
+    "host",
+    "leader",
+    "markers",
+    "noise_relay",
+    "platoon",
+    "recorder",
+    "supervisor",
+    "vehicle",
+]
 
 
 @pytest.fixture(scope="module")
@@ -91,7 +100,7 @@ def test_a_misplaced_node_says_so_in_one_line_and_ends(workspace):
     assert "vehicle_<i>" in line
 
 
-@pytest.mark.parametrize("name", sorted(set(EXECUTABLES) - {"platoon"}))
+@pytest.mark.parametrize("name", sorted(set(EXECUTABLES) - {"platoon", "host"}))
 def test_a_missing_scenario_is_said_in_one_line_of_ours(workspace, name):
     path = workspace / "install" / "cacc_platoon" / "lib" / "cacc_platoon" / name
     answer = in_workspace(workspace, str(path), "--ros-args", "--params-file", "nowhere.yaml")

@@ -2,7 +2,6 @@
 
 import json
 import signal
-import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -73,19 +72,6 @@ def test_a_killed_recorder_ends_the_run(platoon: Start, tmp_path: Path) -> None:
     assert result.exit_code == 1
     assert "host_recorder/recorder" in result.message
     assert_bag_is_readable(run, at_least=100)
-
-
-def test_a_killed_supervisor_leaves_a_folder_that_report_finishes(platoon: Start) -> None:
-    run = platoon(*SMALL, hosts=2)
-    run.wait_sample(200)
-    run.kill("supervisor")
-    run.wait_gone(timeout=10)
-    assert not run.folder.bag.exists()
-    command = [sys.executable, "-m", "cacc_platoon", "report", str(run.folder.path)]
-    report = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
-    assert report.returncode == 0, report.stderr
-    assert_bag_is_readable(run, at_least=100)
-    assert (run.folder.path / "report.html").exists()
 
 
 @pytest.mark.parametrize(("number", "exit_code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])

@@ -1,5 +1,6 @@
 """The launch file starts the supervisor with what its arguments say, and ends as it does."""
 
+import argparse
 import asyncio
 import json
 import os
@@ -13,11 +14,13 @@ from typing import Any
 
 import pytest
 
+from cacc_platoon.cli.host import add_arguments
 from cacc_platoon.cli.supervisor import settings_of
 from cacc_platoon.dds.domain import own_domain
 from cacc_platoon.scenario.file import load_scenario
 
 LAUNCH_FILE = Path(__file__).parents[2] / "launch" / "platoon.launch.py"
+HOSTS_FILE = LAUNCH_FILE.with_name("platoon_hosts.launch.py")
 PAPER_A = Path(__file__).parents[2] / "config" / "paper_a.yaml"
 
 
@@ -40,8 +43,8 @@ def stand_in(name: str, *classes: str) -> ModuleType:
 
 
 @pytest.fixture
-def launch_file(monkeypatch):
-    """Return the launch file's names, made with stand-ins: launch need not be installed."""
+def launch(monkeypatch):
+    """Put stand-ins in place of launch, which need not be installed."""
     for module in (
         stand_in("launch", "LaunchDescription"),
         stand_in("launch.actions", "DeclareLaunchArgument", "OpaqueFunction", "Shutdown"),
@@ -51,6 +54,11 @@ def launch_file(monkeypatch):
         stand_in("launch_ros.substitutions", "FindPackageShare"),
     ):
         monkeypatch.setitem(sys.modules, module.__name__, module)
+
+
+@pytest.fixture
+def launch_file(launch):
+    """Return the launch file's names."""
     return runpy.run_path(str(LAUNCH_FILE))
 
 
@@ -114,6 +122,34 @@ def test_every_argument_has_a_default_and_says_what_it_is(description):
     assert arguments["spawn"]["choices"] == ["true", "false"]
     path = arguments["scenario"]["default_value"].arguments[0]
     assert path[1:] == ["config", "paper_a.yaml"]
+
+
+@pytest.mark.parametrize(
+    ("given", "hosts"),
+    [
+        ({"host": "east"}, [["east"]]),
+        ({"host": "east, west", "vehicles": "1-6"}, [["east"], ["west"]]),
+        ({"host": "east", "part": "my parts", "own_code": "true"}, [["east"]]),
+    ],
+)
+def test_hosts_get_the_arguments(launch, given, hosts):
+    """As the command takes them."""
+    *arguments, start = runpy.run_path(str(HOSTS_FILE))["generate_launch_description"]().arguments[
+        0
+    ]
+    values = {one.arguments[0]: one.options.get("default_value", "") for one in arguments}
+    assert given.keys() <= values.keys()
+    assert all(one.options["description"] for one in arguments)
+    nodes = start.options["function"]({**values, **given})
+    assert [node.options["executable"] for node in nodes] == ["host"] * len(hosts)
+    parser = argparse.ArgumentParser()
+    add_arguments(parser)
+    for node, (name,) in zip(nodes, hosts, strict=True):
+        options = parser.parse_args(node.options["arguments"])
+        assert (options.name, options.namespace) == (name, "/platoon")
+        assert (options.vehicles or "") == given.get("vehicles", "")
+        assert options.part == (Path(given["part"]) if "part" in given else None)
+        assert (options.timeout, options.own_code) == (300.0, "own_code" in given)
 
 
 class LaunchService:

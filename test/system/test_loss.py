@@ -1,6 +1,6 @@
 """Lossy links on real nodes: the digest of the simulation, and a bag that holds what arrived."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -41,48 +41,43 @@ def simulated_digest(*settings: str) -> str:
     return run_digest(recording_of(simulate(scenario)), Graph.of(scenario))
 
 
-@pytest.mark.parametrize(("reception", "hosts"), [("hold", 1), ("hold", "per_node"), ("zero", 2)])
-def test_one_digest_for_nodes_and_simulation(
-    platoon: Start, reception: str, hosts: int | str
-) -> None:
-    settings = (*LOSSY, f"v2v.reception={reception}")
+def of_followers(parts: Sequence[Sequence[str]]) -> list[str]:
+    """Return the settings of a platoon in which follower i has the i-th of these, and no other."""
+    own = [f"vehicle_{i}.{setting}" for i, part in enumerate(parts, 1) for setting in part]
+    return [f"platoon.followers={len(parts)}", *own]
+
+
+PACKETS = (
+    (),
+    ("v2v.reception=zero",),
+    ("v2v.period=0.1", "v2v.phase=random"),
+    ("v2v.latency=0.035", "v2v.loss=0"),
+    ("v2v.burst_begin=0.3", "v2v.burst_end=0.3", "v2v.blackouts=[2, 3.5, 5, 5.5]"),
+    ("v2v.bias=0.05", "v2v.noise_std=0.02", "v2v.quantum=0.1", "v2v.saturation=0.4"),
+    ("v2v.jitter=0.05", "v2v.jitter_law=gamma", "v2v.in_order=true", "v2v.loss=0"),
+    ALL_PARTS,
+)
+
+
+@pytest.mark.parametrize("hosts", [1, "per_node"])
+def test_one_digest_where_packets_are_lost_rare_or_late(platoon: Start, hosts: int | str) -> None:
+    settings = (*LOSSY, *of_followers(PACKETS))
     result = platoon(*settings, hosts=hosts).result()
     assert result.exit_code == 0, result.errors
     assert result.digest == simulated_digest(*settings), result.message
 
 
-@pytest.mark.parametrize(
-    ("packets", "hosts"),
-    [
-        (("v2v.period=0.1", "v2v.phase=random"), 1),
-        (("v2v.latency=0.035", "v2v.loss=0"), "per_node"),
-        (("v2v.burst_begin=0.3", "v2v.burst_end=0.3", "v2v.blackouts=[2, 3.5, 5, 5.5]"), 1),
-        (("v2v.bias=0.05", "v2v.noise_std=0.02", "v2v.quantum=0.1", "v2v.saturation=0.4"), 1),
-        (("v2v.jitter=0.05", "v2v.jitter_law=gamma", "v2v.in_order=true", "v2v.loss=0"), 1),
-        (ALL_PARTS, 1),
-        (ALL_PARTS, "per_node"),
-    ],
-)
-def test_one_digest_where_packets_are_rare_or_late(
-    platoon: Start, packets: tuple[str, ...], hosts: int | str
-) -> None:
-    settings = (*LOSSY, *packets)
-    result = platoon(*settings, hosts=hosts).result()
-    assert result.exit_code == 0, result.errors
-    assert result.digest == simulated_digest(*settings), result.message
+DARK = ("v2v.reception=fallback", "v2v.blackouts=[2, 4]", "v2v.fallback_after=0.4")
+FALSE = ("v2v.monitor=fallback", 'v2v.false_data=["1.2 1.8 factor=-1"]')
 
 
-@pytest.mark.parametrize(
-    ("name", "hosts"),
-    [*((name, 2) for name in channel_names()), ("cam_lossy", "per_node"), ("attacked", 1)],
-)
-def test_one_digest_for_every_channel_with_fallback(
-    platoon: Start, name: str, hosts: int | str
-) -> None:
-    dark = ["v2v.reception=fallback", "v2v.blackouts=[2, 4]", "v2v.fallback_after=0.4"]
-    if name == "attacked":
-        dark += ["v2v.monitor=fallback", 'v2v.false_data=["1.2 1.8 factor=-1"]']
-    settings = (*LOSSY[:3], "leader.profile=brake", *channel_settings(name), *dark)
+@pytest.mark.parametrize("hosts", [1, 2, "per_node"])
+def test_one_digest_for_every_channel_with_fallback(platoon: Start, hosts: int | str) -> None:
+    names = channel_names()
+    parts = [
+        (*channel_settings(name), *DARK, *(FALSE if name == "attacked" else ())) for name in names
+    ]
+    settings = ("run.duration=8", "leader.start=1", "leader.profile=brake", *of_followers(parts))
     run = platoon(*settings, hosts=hosts)
     result = run.result()
     assert result.exit_code == 0, result.errors
@@ -90,11 +85,12 @@ def test_one_digest_for_every_channel_with_fallback(
     report = analyse(result.folder.path, runs=0)
     assert report.run.findings == ()
     assert report.consistency.largest == report.recomputed.links.largest == 0.0
-    states = recorded(run, VehicleTopics(run.scenario.platoon.namespace, 2).reception)
-    assert len(states) == run.scenario.samples
-    assert {0.0, 1.0, 2.0} <= set(states)
+    for index in run.scenario.indices:
+        states = recorded(run, VehicleTopics(run.scenario.platoon.namespace, index).reception)
+        assert len(states) == run.scenario.samples
+        assert {0.0, 1.0, 2.0} <= set(states)
     found = alarms(simulate(run.scenario))
-    assert (found != {}) == (name == "attacked")
+    assert {names[index - 1] for index in found} == {"attacked"}
     for index, alarm in found.items():
         topic = VehicleTopics(run.scenario.platoon.namespace, index).monitor
         assert recorded(run, topic) == alarm.astype(float).tolist()
@@ -112,7 +108,9 @@ RARE = ("v2v.period=0.05", "v2v.latency=0.03")
 
 
 @pytest.mark.parametrize("packets", [(), RARE])
-def test_the_bag_holds_what_arrived(platoon: Start, packets: tuple[str, ...]) -> None:
+def test_the_bag_holds_what_arrived(
+    platoon: Start, replay: Replay, packets: tuple[str, ...]
+) -> None:
     run = platoon(*LOSSY, *packets, hosts=2)
     result = run.result()
     assert result.exit_code == 0, result.errors
@@ -139,12 +137,14 @@ def test_the_bag_holds_what_arrived(platoon: Start, packets: tuple[str, ...]) ->
     for link in report.measured.reception:
         assert 0.1 < link.loss < 0.5
         assert 0.0 < link.age_max < (0.6 if packets else 0.2)
+    node = "vehicle" if packets else "noise_relay"
+    assert replay(run, 2, node)["identical"] is True
 
 
 def test_a_channel_and_a_law_by_name_run_on_nodes(
-    platoon: Start, monkeypatch: pytest.MonkeyPatch
+    platoon: Start, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Late packets that overtake others: delivery stamps differ, and the digest has them."""
+    """Late packets overtake others, and the digest has it; a replay runs no code of a bag's."""
     monkeypatch.syspath_prepend(str(HERE))
     settings = (*LOSSY, *OWN)
     run = platoon(*settings, hosts=2, environment={"PYTHONPATH": str(HERE)})
@@ -155,13 +155,8 @@ def test_a_channel_and_a_law_by_name_run_on_nodes(
     assert report.run.digest == result.digest
     assert [reason for reason in report.verdict.void if "own_parts" in reason] != []
     assert report.measured.reception[0].age_max >= 0.02
-
-
-@pytest.mark.parametrize("node", ["vehicle", "noise_relay"])
-def test_a_lossy_node_is_replayed_bit_for_bit(platoon: Start, replay: Replay, node: str) -> None:
-    run = platoon(*LOSSY, *RARE, hosts=2)
-    assert run.result().exit_code == 0
-    assert replay(run, 2, node)["identical"] is True
+    assert main(["replay", str(run.folder.path), "--vehicle", "2"]) == 2
+    assert "code that the replay would run" in capsys.readouterr().err
 
 
 WORLD = (
@@ -171,18 +166,17 @@ WORLD = (
 )
 
 
-@pytest.mark.parametrize("node", ["vehicle", "noise_relay"])
-def test_a_node_with_sensors_limits_and_a_fallback_is_replayed(
-    platoon: Start, replay: Replay, node: str
+def test_nodes_with_sensors_limits_and_a_fallback_are_replayed(
+    platoon: Start, replay: Replay
 ) -> None:
     run = platoon(*LOSSY, *channel_settings("cam_lossy"), *WORLD)
     result = run.result()
     assert result.exit_code == 0, result.errors
     assert result.digest == run_digest(recording_of(simulate(run.scenario)), Graph.of(run.scenario))
-    assert replay(run, 2, node)["identical"] is True
-    if node == "vehicle":
-        softer = replay(run, 2, node, "--set", "controller.k_v=0.5")
-        assert softer["replayed"]["max_abs_spacing_error"] > 0.0
+    for node in ("vehicle", "noise_relay"):
+        assert replay(run, 2, node)["identical"] is True
+    softer = replay(run, 2, "vehicle", "--set", "controller.k_v=0.5")
+    assert softer["replayed"]["max_abs_spacing_error"] > 0.0
 
 
 def test_a_killed_relay_is_named_and_the_bag_is_readable(platoon: Start) -> None:
@@ -208,13 +202,3 @@ def test_a_reception_of_ones_own(platoon: Start, monkeypatch: pytest.MonkeyPatch
     assert result.digest != simulated_digest(*LOSSY)
     report = analyse(result.folder.path, runs=0)
     assert any("v2v.receiver = own_parts:Forgetting" in reason for reason in report.verdict.void)
-
-
-def test_a_replay_does_not_run_code_that_only_a_bag_names(
-    platoon: Start, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.syspath_prepend(str(HERE))
-    run = platoon(*LOSSY, *OWN, environment={"PYTHONPATH": str(HERE)})
-    assert run.result().exit_code == 0
-    assert main(["replay", str(run.folder.path), "--vehicle", "2"]) == 2
-    assert "code that the replay would run" in capsys.readouterr().err

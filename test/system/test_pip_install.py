@@ -68,6 +68,7 @@ def test_every_file_is_installed(prefix):
     assert names == {
         "package.xml",
         "launch/platoon.launch.py",
+        "launch/platoon_hosts.launch.py",
         *(f"config/{path.name}" for path in (ROOT / "config").iterdir()),
     }
 

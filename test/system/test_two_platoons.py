@@ -74,7 +74,7 @@ def wait(seconds: float) -> None:
 def test_the_first_finishes_with_its_digest(
     platoon: Start, tmp_path: Path, *, elsewhere: bool
 ) -> None:
-    run = platoon(*SETTINGS, "run.duration=100", hosts=2)
+    run = platoon(*SETTINGS, "run.duration=40", "run.real_time_factor=4", hosts=2)
     run.wait_state("running")
     process = second(run, tmp_path / "second", elsewhere=elsewhere)
     line = given_way(process, tmp_path / "second")

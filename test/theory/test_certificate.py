@@ -168,7 +168,7 @@ def test_only_what_is_read_is_computed():
 def test_all_parts_at_once():
     parts = certify(A, 5.0, 0.5).parts()
     assert {"string_stable", "l2_gain", "peak_frequency", "linf_gain", "interval"} <= set(parts)
-    assert len(parts) == 30
+    assert len(parts) == 31
     assert not any(name.startswith("_") for name in parts)
 
 

@@ -278,6 +278,7 @@ def test_edges_have_answers_without_nan_or_warning():
     assert certify(unstable, 5, 0.5).latency_margin == 0.0
 
 
+@pytest.mark.slow
 @given(GAINS, TAUS, st.floats(1.0, 3.0, exclude_min=True))
 @settings(max_examples=3 * settings().max_examples)
 def test_no_gain_above_one_is_string_stable_at_any_lag(gains, tau, k):
@@ -311,6 +312,7 @@ def cpu_time(call, number=1):
     return min(timeit.repeat(call, number=number, repeat=5, timer=time.process_time)) / number
 
 
+@pytest.mark.slow
 def test_speed():
     assert cpu_time(lambda: is_robustly_string_stable(A, 5, 0.5), number=200) < 1e-4
     k_p, k_v = np.linspace(0, 1, 500)[:, np.newaxis], np.linspace(0, 1, 500)

@@ -126,6 +126,7 @@ def test_every_failure_is_explained_in_one_line_and_the_gains_it_offers_hold(gai
         assert gains.time_headway < headway_bound(gains.k_a, rho, 0.5, reception=reception)
 
 
+@pytest.mark.slow
 @given(
     st.floats(1.0, 2.0),
     st.floats(0.05, 0.8),

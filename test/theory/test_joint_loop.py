@@ -88,6 +88,7 @@ def test_headroom_is_the_first_latency_that_amplifies(draw, size, place, held, e
     assert after >= 1 - 1e-9
 
 
+@pytest.mark.slow
 @given(STABLE, st.floats(-6, -2).map(math.exp), st.sampled_from([1.0, 1.0, 0.7, 0.3]))
 @settings(max_examples=15)
 def test_margin_against_brute_force_on_the_unit_circle(draw, period, held):
@@ -116,6 +117,7 @@ def test_a_lag_between_those_tried_may_be_the_first_to_bear_no_longer():
     assert largest_growth(gains, rho, lags, 0.9999 * found, age=1)[0] <= 1 + 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("gains", "rho", "tau", "period", "lags"),
     [
@@ -156,6 +158,7 @@ def test_a_design_that_grows_though_each_of_its_margins_is_kept():
     assert joint_critical_period(SHORT, 5.0, 0.5, latency=0.05) < 0.01
 
 
+@pytest.mark.slow
 def test_what_grows_in_theory_grows_in_the_time_domain():
     wave, k = np.cos(2.38926 * 0.01 * np.arange(40_000)), 0.8 * SHORT.k_a
     known = {"vehicles": 12, "since": 40_000 - 10 * 263}  # ten waves

@@ -73,6 +73,7 @@ def test_energy_is_bounded_below_one():
     assert energy[-1] < energy[2]
 
 
+@pytest.mark.slow
 def test_energy_grows_above_one():
     energy = energies(2.0, 8)
     assert np.all(np.diff(energy)[1:] > 0)
@@ -80,6 +81,7 @@ def test_energy_grows_above_one():
     assert np.all(np.diff(np.log(energy))[3:] > 0.1)  # at a rate that does not die out
 
 
+@pytest.mark.slow
 def test_monte_carlo_agrees_with_the_second_moments():
     rng = np.random.default_rng(3)
     runs, vehicles = 4000, 3

@@ -21,6 +21,7 @@ from cacc_platoon.theory import (
 from cacc_platoon.theory.end_to_end import end_to_end_gain
 from cacc_platoon.theory.lifted_hop import PacketTimes, packet_interval, spectral_radius
 from cacc_platoon.theory.multirate import (
+    bears_v2v_period,
     critical_v2v_period,
     multirate_growth,
     worst_multirate_growth,
@@ -67,6 +68,7 @@ def test_a_narrow_peak_is_found():
     assert found.growth == pytest.approx(brute, rel=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("gains", "worst", "mean"), [(A, 15, 37), (C, 7, 18), (D, 32, 41), (E, 8, 13), (STIFF, 7, 8)]
 )
@@ -81,6 +83,7 @@ def test_critical_periods(gains, worst, mean):
     assert lifted_growth(gains, 0.5, k, 0.01, mean + 1) > 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("gains", "interval", "close"), [(D, 50, 1e-4), (E, 16, 3e-5), (E, 9, 2e-5)]
 )
@@ -103,6 +106,7 @@ def design_in_the_region(draw):
     return Gains(headway, k_a, float(low[0] + place * (high[0] - low[0])), k_p)
 
 
+@pytest.mark.slow
 @given(
     st.tuples(
         st.floats(1.01, 2.0),
@@ -118,9 +122,9 @@ def design_in_the_region(draw):
 def test_random_designs_against_all_frequencies_that_mix(draw, interval, late, held):
     gains = design_in_the_region(draw)
     assume(gains.k_v > 0 and certify(gains, 5.0, 0.5).sampled_string_stable)
-    found = worst_multirate_growth(
-        gains, *QUESTION, interval, latency=0.01 * late, held=held
-    ).growth
+    channel = {"latency": 0.01 * late, "held": held}
+    found = worst_multirate_growth(gains, *QUESTION, interval, **channel).growth
+    assert bears_v2v_period(gains, *QUESTION, interval, **channel) == (found == 1.0)
     brute = max(
         lifted_growth(
             gains, 0.5 * share, k * gains.k_a, 0.01, interval, age=late, held=held, count=120
@@ -149,6 +153,18 @@ def test_spectral_radius_is_that_of_the_whole_matrix(interval, tau, k_p, k):
     found = spectral_radius((diagonal, u))
     near = np.maximum(radius, found) > 0.9
     assert found[near] == pytest.approx(radius[near], rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("gains", "interval", "bears"),
+    [(A, 15, True), (A, 16, False), (E, 8, True), (E, 9, False), (FAST, 1, False)],
+)
+def test_bearing_packets_is_not_growing(gains, interval, bears):
+    late = 0.01 if gains is FAST else 0.0
+    question = (5.0, 0.3, 0.005) if gains is FAST else QUESTION
+    grown = worst_multirate_growth(gains, *question, interval, latency=late)
+    assert bears_v2v_period(gains, *question, interval, latency=late) is bears
+    assert (grown.growth == 1.0) is bears
 
 
 def test_a_packet_every_period_is_the_sampled_loop():
@@ -236,6 +252,7 @@ LATER = Gains(1.0276291, 0.5204794, 0.4646634, 0.3213722)
 """String stable with a packet every 14 periods of 40 ms, two of them late, all sent at once."""
 
 
+@pytest.mark.slow
 def test_phases_may_be_worse_than_the_same_instants():
     question = (LATER, 0.5, (1 + 1 / 6.2338) * LATER.k_a, 0.04, 14)
     assert multirate_growth(*question, latency=0.08).growth == 1.0

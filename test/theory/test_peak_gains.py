@@ -128,6 +128,7 @@ STABLE = st.builds(
 )
 
 
+@pytest.mark.slow
 @given(STABLE, st.floats(0.05, 1.0), st.lists(st.floats(0.0, 1.0), min_size=3, max_size=3))
 @settings(max_examples=15)
 def test_no_lag_exceeds_what_the_scan_says(gains, tau_max, places):

@@ -42,6 +42,7 @@ def questions(draw):
     return k_a, headway, rho, tau_max
 
 
+@pytest.mark.slow
 @given(questions(), st.floats(-7, 3), st.floats(-0.3, 1.3))
 @settings(max_examples=15 * settings().max_examples)
 def test_boundaries_agree_with_the_exact_test(question, log_k_p, place):
@@ -106,6 +107,7 @@ def test_range_of_gamma_of_case_a():
     assert low < A.k_v + A.time_headway * A.k_p < high
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("question", "limit"),
     [

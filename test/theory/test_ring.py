@@ -51,6 +51,7 @@ def designs(count, seed):
             yield gains, tau, k
 
 
+@pytest.mark.slow
 def test_the_first_unstable_ring_is_that_of_brute_force():
     kinds = set()
     for gains, tau, k in designs(60, seed=3):

@@ -125,6 +125,7 @@ def design_in_the_region(draw):
     return Gains(h, k_a, max(low + place * (high - low), 1e-3), k_p), tau
 
 
+@pytest.mark.slow
 @given(STABLE, st.floats(-4, 0).map(math.exp))
 @settings(max_examples=30)
 def test_critical_period_with_held_packets_is_the_first_loss(draw, held):
@@ -139,6 +140,7 @@ def test_critical_period_with_held_packets_is_the_first_loss(draw, held):
     assert not is_sampled_string_stable(gains, 5.0, tau, above, held=held)
 
 
+@pytest.mark.slow
 @given(STABLE, st.floats(-4, -1).map(math.exp))
 @settings(max_examples=30)
 def test_critical_loss_is_the_first_loss(draw, period):
@@ -258,6 +260,7 @@ BETWEEN = [
 """Designs with their SNR, largest lag, and the first period that all lags of the grid lose."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("gains", "rho", "tau_max", "period"), BETWEEN)
 def test_a_lag_between_those_tried_may_be_the_worst(gains, rho, tau_max, period):
     tried, ends = lags_to_try(tau_max, None), effective_gains(gains.k_a, rho)

@@ -74,7 +74,8 @@ def _layouts(viewer: str, view: View, folder: Path) -> list[tuple[Layout, str]]:
     recording = str(view.storage) if view.storage else "the recording"
     match viewer:
         case "foxglove":
-            how = f"open {recording}, then Import from file in the list of layouts"
+            live = "" if view.storage else ", or connect to platoon watch --web"
+            how = f"open {recording}{live}, then Import from file in the list of layouts"
             layout = Layout("Foxglove", folder / "foxglove.json", how)
             return [(layout, foxglove_layout(view))]
         case "plotjuggler":

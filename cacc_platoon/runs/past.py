@@ -1,0 +1,83 @@
+"""What was recorded before a host was started again, for its nodes to go on from."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TypeAlias
+
+from cacc_platoon.bags.rows import TopicRows
+from cacc_platoon.runs.parts import longest_of
+from cacc_platoon.scenario.names import split_vehicle
+from msg_adapters.stamped import StampedCodec
+from msg_adapters.topics import VehicleTopics, is_packets
+
+Receive: TypeAlias = Callable[[bytes], None]
+"""Takes the CDR bytes of a message."""
+
+
+class Past:
+    """The messages of a run so far, as its hosts have recorded them on this machine.
+
+    Parameters
+    ----------
+    ended : Path
+        The folder with the parts of hosts that ended.
+    parts : Path
+        The folder in which all hosts record.
+
+    Attributes
+    ----------
+    live_from : float
+        From which stamp on [ns] packets count again. Earlier ones may have reached one of those
+        who receive them, before the others were there, so all take them for lost.
+    """
+
+    def __init__(self, ended: Path, parts: Path) -> None:
+        self._folders = ended, parts
+        self._records = self._read()
+        self.live_from = math.inf
+
+    def rows(self, topic: str) -> list[bytes]:
+        """Return the messages of a topic up to when this was made."""
+        return self._bytes(self._records, topic, 0, self.count(topic))
+
+    def count(self, topic: str) -> int:
+        """Return how many messages of a topic there are, up to when this was made.
+
+        What a vehicle by a clock says of its samples is cut to those of which all is recorded.
+        """
+        found, vehicle = self._records.get(topic), split_vehicle(topic)
+        if found is None:
+            return 0
+        number = len(found.messages)
+        if vehicle is None or is_packets(topic):
+            return number
+        prefix, index, _ = vehicle
+        timing = self._records.get(VehicleTopics(prefix, index).timing.name)
+        return number if timing is None else min(number, len(timing.messages))
+
+    def between(self, topic: str, begin: int, end: int) -> list[bytes]:
+        """Return the messages of some samples of a topic that has every sample.
+
+        Others go on recording, so there may be more of them than there were.
+        """
+        return self._bytes(self._read(), topic, begin, end)
+
+    def since(self, receive: Callable[[bytes], object], codec: StampedCodec) -> Receive:
+        """Return what receives the packets that count again."""
+
+        def receive_later(data: bytes) -> None:
+            if codec.decode(data)[0] >= self.live_from:
+                receive(data)
+
+        return receive_later
+
+    def _read(self) -> dict[str, TopicRows]:
+        return longest_of(part for folder in self._folders for part in sorted(folder.glob("*")))
+
+    @staticmethod
+    def _bytes(records: Mapping[str, TopicRows], topic: str, begin: int, end: int) -> list[bytes]:
+        found = records.get(topic)
+        return [] if found is None else [row.tobytes() for row in found.messages[begin:end]]
