@@ -284,10 +284,9 @@ class Graph:
         return [topic for node in self.nodes.values() for topic in node.publishes]
 
     @cached_property
-    def subscribers(self) -> Mapping[str, int]:
-        """How many subscribers each data topic has in a run, its recorder among them."""
-        followed = Counter(topic.name for node in self.nodes.values() for topic in node.subscribes)
-        return {topic.name: followed[topic.name] + 1 for topic in self.recorded}
+    def followers(self) -> Mapping[str, int]:
+        """How many nodes of the platoon follow each data topic."""
+        return Counter(topic.name for node in self.nodes.values() for topic in node.subscribes)
 
     def recorded_with(self, node: NodeName) -> tuple[Topic, ...]:
         """Return the topics that the host of a node records.

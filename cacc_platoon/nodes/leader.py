@@ -8,7 +8,7 @@ from std_msgs.msg import Int64
 
 from cacc_platoon.nodes import qos
 from cacc_platoon.nodes.node import PlatoonNode
-from cacc_platoon.runs.past import Past
+from cacc_platoon.runs.journal import Journal
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.stepping.wall import WallLeader
 from msg_adapters.topics import PlatoonTopics
@@ -22,9 +22,9 @@ class LeaderNode(PlatoonNode):
         scenario: Scenario | None = None,
         index: int | None = None,
         *,
-        past: Past | None = None,
+        journal: Journal | None = None,
     ) -> None:
-        super().__init__("leader", ("platoon", "leader", "run"), scenario, index, past)
+        super().__init__("leader", ("platoon", "leader", "run"), scenario, index, journal)
         steppers = dataclasses.replace(self.steppers, scenario=_with_motion(self.scenario))
         stepper = steppers.leader(self.create_motion_stream())
         self.keep_time(stepper)

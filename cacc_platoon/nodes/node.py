@@ -13,7 +13,7 @@ from rclpy.parameter import Parameter
 
 from cacc_platoon.model import State
 from cacc_platoon.nodes import qos, ros_parameters
-from cacc_platoon.runs.past import Past
+from cacc_platoon.runs.journal import Journal, Receive
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.names import NodeKind, NodeName
 from cacc_platoon.scenario.parameter import ScenarioError
@@ -24,7 +24,7 @@ from cacc_platoon.stepping.deliveries import LockstepError
 from cacc_platoon.stepping.lockstep import PublishState
 from cacc_platoon.stepping.stepper import Changing, Clocked, Steppers
 from msg_adapters.stamped import ACCEL, POSE, TWIST, VECTOR, LayoutError
-from msg_adapters.topics import Topic, VehicleTopics, is_packets
+from msg_adapters.topics import Topic, VehicleTopics
 
 MESSAGE_TYPES = {
     POSE.type_name: PoseStamped,
@@ -70,7 +70,7 @@ class PlatoonNode(Node):  # type: ignore[misc]
         groups: tuple[str, ...],
         scenario: Scenario | None = None,
         index: int | None = None,
-        past: Past | None = None,
+        journal: Journal | None = None,
     ) -> None:
         if scenario is None or index is None:
             super().__init__(name, automatically_declare_parameters_from_overrides=True)
@@ -86,8 +86,7 @@ class PlatoonNode(Node):  # type: ignore[misc]
         self.changes = 0
         self.steppers = Steppers(scenario, time.monotonic_ns)
         self._clocked: Clocked | None = None
-        self.past = past
-        self._followed: list[tuple[str, Callable[[bytes], None]]] = []
+        self.journal = journal
         self.topics = VehicleTopics(scenario.platoon.namespace, index)
         self.predecessor = VehicleTopics(scenario.platoon.namespace, index - 1)
         own = scenario.overrides.get(index, {})
@@ -197,27 +196,15 @@ class PlatoonNode(Node):  # type: ignore[misc]
         """Return a function that publishes (stamp [ns], x[, y]) on a topic."""
         message_type = MESSAGE_TYPES[topic.kind.type_name]
         publisher = self.create_publisher(message_type, topic.name, qos.stream(self.scenario))
-        publish, encode = publisher.publish, topic.codec.encode
+        publish: Receive = publisher.publish
+        encode = topic.codec.encode
+        if self.journal:
+            publish = self.journal.sending(topic, publish)
 
         def send(stamp: int, x: float, y: float = 0.0) -> None:
             publish(encode(stamp, x, y))
 
-        return self._later(topic, send) if self.past else send
-
-    def _later(self, topic: Topic, send: Callable[..., None]) -> Callable[..., None]:
-        """Return what sends what was not sent before this process was started."""
-        past, packets = self.past, is_packets(topic.name)
-        assert past
-        left = past.count(topic.name)
-
-        def send_later(stamp: int, x: float, y: float = 0.0) -> None:
-            nonlocal left
-            if left:
-                left -= 1
-            elif not packets or stamp >= past.live_from:
-                send(stamp, x, y)
-
-        return send_later
+        return send
 
     def follow_stream(
         self,
@@ -232,56 +219,17 @@ class PlatoonNode(Node):  # type: ignore[misc]
         With `best_effort` DDS may lose some of them. The first failure of the node is noted; from
         then on it is deaf.
         """
-        receive = self._receiver(topic, take, both=both)
-        if self.past:
-            receive = self._recalled(topic, receive)
+        receive: Receive = self._receiver(topic, take, both=both)
+        if self.journal:
+            receive = self.journal.receiving(topic, receive)
         message_type = MESSAGE_TYPES[topic.kind.type_name]
         profile = qos.stream(self.scenario, best_effort=best_effort)
         self.create_subscription(message_type, topic.name, receive, profile, raw=True)
 
     def recall_stream(self, topic: Topic, take: Callable[..., None]) -> None:
-        """Let `resume` call `take` with stamp [ns], x and y of what was recorded of a topic."""
-        self._followed.append((topic.name, self._receiver(topic, take, both=True)))
-
-    def resume(self) -> None:
-        """Work through what was recorded before this process was started."""
-        for name, receive in self._followed:
-            for data in self.past.rows(name) if self.past else ():
-                receive(data)
-
-    def _recalled(self, topic: Topic, receive: Callable[[bytes], None]) -> Callable[[bytes], None]:
-        """Return what receives a topic, once `resume` has given it the record.
-
-        Of a topic that has every sample, what came between is taken from the record too.
-        """
-        self._followed.append((topic.name, receive))
-        past, step = self.past, self.scenario.step_ns
-        assert past
-        if is_packets(topic.name):
-            return past.since(receive, topic.codec)
-        due, waiting = past.count(topic.name), list[bytes]()
-
-        def follow(data: bytes) -> None:
-            nonlocal due
-            try:
-                newest = topic.codec.decode(data)[0] // step
-            except LayoutError:
-                receive(data)  # which refuses it
-                return
-            waiting.append(data)
-            first = topic.codec.decode(waiting[0])[0] // step
-            missed = past.between(topic.name, due, first) if due < first else []
-            for one in missed:
-                receive(one)
-            due += len(missed)
-            if due < first:
-                return  # it is not recorded yet
-            for one in waiting:
-                receive(one)
-            due = newest + 1
-            waiting.clear()
-
-        return follow
+        """Call `take` with stamp [ns], x and y of what was recorded before a process was killed."""
+        if self.journal:
+            self.journal.recalling(topic, self._receiver(topic, take, both=True))
 
     def _receiver(
         self, topic: Topic, take: Callable[..., None], *, both: bool

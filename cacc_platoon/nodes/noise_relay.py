@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from cacc_platoon.model import Channel
 from cacc_platoon.nodes.node import PlatoonNode
-from cacc_platoon.runs.past import Past
+from cacc_platoon.runs.journal import Journal
 from cacc_platoon.scenario import Follower, Scenario
 from msg_adapters.topics import VehicleTopics
 
@@ -28,9 +28,9 @@ class NoiseRelayNode(PlatoonNode):
         index: int | None = None,
         channel: Callable[[Follower], Channel] | None = None,
         *,
-        past: Past | None = None,
+        journal: Journal | None = None,
     ) -> None:
-        super().__init__("noise_relay", ("platoon", "v2v", "run"), scenario, index, past)
+        super().__init__("noise_relay", ("platoon", "v2v", "run"), scenario, index, journal)
         follower = self.scenario.follower(self.index)
         counts = follower.counted and not self.scenario.clocked
         steppers = []

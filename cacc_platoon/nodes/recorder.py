@@ -1,4 +1,4 @@
-"""Records what a host's own nodes publish, as it arrives, and says how far it is."""
+"""Records what a host's own nodes publish, and says how far it is."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from std_msgs.msg import Int64
 
 from cacc_platoon.nodes import qos
 from cacc_platoon.nodes.node import MESSAGE_TYPES
+from cacc_platoon.runs.journal import Receive
 from cacc_platoon.runs.parts import PartWriter
-from cacc_platoon.runs.past import Past, Receive
 from cacc_platoon.runs.sample_reader import Reading, SampleReader
 from cacc_platoon.runs.sample_recorder import SampleRecorder
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.names import host_name
-from msg_adapters.topics import Graph, Topic, is_packets
+from msg_adapters.topics import Graph, Topic
 
 
 class RecorderNode(Node):  # type: ignore[misc]
@@ -33,8 +33,8 @@ class RecorderNode(Node):  # type: ignore[misc]
         The part's folder; must not exist.
     run : str, optional
         What tells the run from every other, where that is known.
-    past : Past, optional
-        What was recorded before this process was started again; it is recorded anew first.
+    told : bool, optional
+        Whether `receivers` are given the messages, which it subscribes to otherwise.
 
     Attributes
     ----------
@@ -42,6 +42,8 @@ class RecorderNode(Node):  # type: ignore[misc]
         What went wrong; the first one ends the run.
     recorded : list of str
         Names of the topics.
+    receivers : dict of str to callable
+        What takes the messages of each of them.
     """
 
     def __init__(
@@ -50,9 +52,9 @@ class RecorderNode(Node):  # type: ignore[misc]
         host: str,
         topics: list[Topic],
         folder: Path,
-        past: Past | None = None,
         *,
         run: str = "",
+        told: bool = False,
     ) -> None:
         namespace = f"{scenario.platoon.namespace}/{host_name(host)}"
         super().__init__("recorder", namespace=namespace, use_global_arguments=False)
@@ -70,24 +72,14 @@ class RecorderNode(Node):  # type: ignore[misc]
             lambda sample: progress.publish(Int64(data=sample)),
         )
         self.failures = self._recorder.failures
-        for topic in topics:
-            receive = self._recorder.receiver(topic)
-            if past:
-                receive = self._again(topic, receive, past)
+        self.receivers: dict[str, Receive] = {
+            topic.name: self._recorder.receiver(topic) for topic in topics
+        }
+        for topic in () if told else topics:
+            message_type, receive = MESSAGE_TYPES[topic.kind.type_name], self.receivers[topic.name]
             self.create_subscription(
-                MESSAGE_TYPES[topic.kind.type_name],
-                topic.name,
-                receive,
-                qos.stream(scenario),
-                raw=True,
+                message_type, topic.name, receive, qos.stream(scenario), raw=True
             )
-
-    @staticmethod
-    def _again(topic: Topic, receive: Receive, past: Past) -> Receive:
-        """Record what was recorded of a topic before, and return what receives the rest."""
-        for data in past.rows(topic.name):
-            receive(data)
-        return past.since(receive, topic.codec) if is_packets(topic.name) else receive
 
     def end_at(self, samples: int) -> None:
         """Say so when all topics have the samples of a run that ends sooner than was planned."""

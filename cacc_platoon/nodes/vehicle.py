@@ -10,7 +10,7 @@ from rclpy.clock import Clock, ClockType
 
 from cacc_platoon.model import ControlLaw, Reception, State
 from cacc_platoon.nodes.node import PlatoonNode
-from cacc_platoon.runs.past import Past
+from cacc_platoon.runs.journal import Journal
 from cacc_platoon.scenario import Follower, Scenario
 from cacc_platoon.stepping.recorded import ResumedFollower
 from cacc_platoon.stepping.stepper import FollowerStepper
@@ -32,8 +32,8 @@ class VehicleNode(PlatoonNode):
         Where it begins; by default in equilibrium behind its predecessor.
     replayed : bool, optional
         Whether it is told when to take its samples, where others have clocks.
-    past : Past, optional
-        What was recorded before its process was started again, see `PlatoonNode.resume`.
+    journal : Journal, optional
+        Records what it sends and receives, where it may be started again.
     """
 
     changeable = "controller.time_headway"
@@ -47,10 +47,10 @@ class VehicleNode(PlatoonNode):
         *,
         reception: Callable[[Follower], Reception] | None = None,
         replayed: bool = False,
-        past: Past | None = None,
+        journal: Journal | None = None,
     ) -> None:
         groups = ("platoon", "vehicle", "sensing", "controller", "v2v", "run", "record")
-        super().__init__("vehicle", groups, scenario, index, past)
+        super().__init__("vehicle", groups, scenario, index, journal)
         record = self.scenario.record
         command = self.create_stream(self.topics.command) if record.command else None
         error = self.create_stream(self.topics.spacing_error) if record.spacing_error else None
@@ -87,7 +87,7 @@ class VehicleNode(PlatoonNode):
             self.follow_stream(topics.accel, take)
             if told:
                 self.follow_stream(topics.complete, count, both=True)
-            elif past:
+            else:
                 self.recall_stream(topics.complete, count)
         own = follower.law_name or (law and law.__qualname__)
         self.let_change([stepper], f"is ignored by the control law {own}" if own else "")
@@ -110,7 +110,12 @@ class VehicleNode(PlatoonNode):
             counts = [_both(one, partial(_noted, said, n)) for n, one in enumerate(counts)]
             timing = _both(timing, said.take_timing)
         stepper = self.steppers.clocked_follower(
-            follower, motion, counts, timing, resumed=self.past is not None, **options
+            follower,
+            motion,
+            counts,
+            timing,
+            resumed=self.journal is not None and self.journal.resumed,
+            **options,
         )
         self.keep_time(stepper)
         if isinstance(stepper, ResumedFollower):

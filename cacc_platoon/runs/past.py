@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TypeAlias
 
 from cacc_platoon.bags.rows import TopicRows
 from cacc_platoon.runs.parts import longest_of
 from cacc_platoon.scenario.names import split_vehicle
-from msg_adapters.stamped import StampedCodec
 from msg_adapters.topics import VehicleTopics, is_packets
-
-Receive: TypeAlias = Callable[[bytes], None]
-"""Takes the CDR bytes of a message."""
 
 
 class Past:
@@ -26,18 +20,11 @@ class Past:
         The folder with the parts of hosts that ended.
     parts : Path
         The folder in which all hosts record.
-
-    Attributes
-    ----------
-    live_from : float
-        From which stamp on [ns] packets count again. Earlier ones may have reached one of those
-        who receive them, before the others were there, so all take them for lost.
     """
 
     def __init__(self, ended: Path, parts: Path) -> None:
         self._folders = ended, parts
         self._records = self._read()
-        self.live_from = math.inf
 
     def rows(self, topic: str) -> list[bytes]:
         """Return the messages of a topic up to when this was made."""
@@ -64,15 +51,6 @@ class Past:
         Others go on recording, so there may be more of them than there were.
         """
         return self._bytes(self._read(), topic, begin, end)
-
-    def since(self, receive: Callable[[bytes], object], codec: StampedCodec) -> Receive:
-        """Return what receives the packets that count again."""
-
-        def receive_later(data: bytes) -> None:
-            if codec.decode(data)[0] >= self.live_from:
-                receive(data)
-
-        return receive_later
 
     def _read(self) -> dict[str, TopicRows]:
         return longest_of(part for folder in self._folders for part in sorted(folder.glob("*")))

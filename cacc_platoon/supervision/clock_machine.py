@@ -111,8 +111,10 @@ class ClockMachine(RunMachine):
         slowest = min(run.recorded.values(), default=self.last_sample(run))
         if slowest >= self.last_sample(run) and not awaited:
             end = EndRun(EndStatus.FAILED, joined(lost)) if lost else EndRun(EndStatus.FINISHED)
-        elif now - self._start(run) > end_by_clocks(self.scenario):
-            message = joined([*lost, "not everything was recorded when the run had to be over"])
+        elif now - self._start(run) > end_by_clocks(self.scenario, restarted=bool(run.restarts)):
+            away = [f"host {host}, which was started again, is not there" for host in awaited]
+            over = "not everything was recorded when the run had to be over"
+            message = joined([*lost, *away, over])
             end = EndRun(EndStatus.FAILED, message, stalled=True)
         if end:
             run, actions = leave(run._replace(ended=now), end, now)

@@ -20,6 +20,7 @@ from cacc_platoon.nodes.node import PlatoonNode
 from cacc_platoon.nodes.noise_relay import NoiseRelayNode
 from cacc_platoon.nodes.recorder import RecorderNode
 from cacc_platoon.nodes.vehicle import VehicleNode
+from cacc_platoon.runs.journal import Journal
 from cacc_platoon.runs.past import Past
 from cacc_platoon.scenario.names import NodeKind
 from cacc_platoon.stop_signal import STOP_SIGNALS, StopSignal
@@ -60,16 +61,17 @@ def run_host(plan: HostPlan, lifeline: Connection) -> None:
         topics = [topic for node in plan.nodes for topic in graph.recorded_with(node)]
         failure = ""
         with taking_part():
-            past = Past(plan.ended, plan.part.parent) if plan.ended else None
-            recorder = RecorderNode(plan.scenario, plan.name, topics, plan.part, past)
+            restarts = plan.scenario.run.restarts > 0
+            recorder = RecorderNode(plan.scenario, plan.name, topics, plan.part, told=restarts)
+            journal = _journal(plan, recorder) if restarts else None
             nodes: list[Node] = [recorder]
             try:
                 for kind, index in plan.nodes:
-                    nodes.append(NODE_CLASSES[kind](plan.scenario, index, past=past))
+                    nodes.append(NODE_CLASSES[kind](plan.scenario, index, journal=journal))
             except UserError as error:  # own code may fail here and nowhere before
                 failure = str(error)
-        if past is not None:
-            _resume(nodes)
+        if journal:
+            _resume(journal, nodes)
         session = HostSession(
             plan.name,
             nodes,
@@ -78,19 +80,22 @@ def run_host(plan: HostPlan, lifeline: Connection) -> None:
             part=str(recorder.folder),
             run=plan.run,
             failure=failure,
-            past=past,
+            journal=journal,
         )
         sys.exit(serve(nodes, session, recorder, stop, lifeline.poll))
 
 
-def _resume(nodes: Iterable[Node]) -> None:
-    """Let the nodes of a host that was started again work through what was recorded before.
+def _journal(plan: HostPlan, recorder: RecorderNode) -> Journal:
+    """Return the journal of a host that may be started again, or was."""
+    past = Past(plan.ended, plan.part.parent) if plan.ended else None
+    return Journal(recorder.receivers, plan.scenario.step_ns, past)
 
-    What happened in them then was told when it happened.
-    """
+
+def _resume(journal: Journal, nodes: Iterable[Node]) -> None:
+    """Let nodes work through what was recorded before; what happened then was told already."""
+    journal.resume()
     for node in nodes:
         if isinstance(node, PlatoonNode):
-            node.resume()
             node.events.clear()
 
 

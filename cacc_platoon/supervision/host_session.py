@@ -18,7 +18,7 @@ from std_msgs.msg import String
 from cacc_platoon.nodes import qos
 from cacc_platoon.nodes.node import PlatoonNode
 from cacc_platoon.nodes.recorder import RecorderNode
-from cacc_platoon.runs.past import Past
+from cacc_platoon.runs.journal import Journal
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.supervision.agreement import shared_parameters
 from cacc_platoon.supervision.host_machine import Endpoint, HostMachine, missing_connections
@@ -64,8 +64,8 @@ class HostSession:
         Which run the host belongs to; without it, the first one it meets that is not over.
     failure : str, optional
         Why it cannot do its part; it is there to say so.
-    past : Past, optional
-        What was recorded before it joins a run that goes on; it waits then for those who receive
+    journal : Journal, optional
+        Of nodes that may be started again. Where they were, the host waits for those who receive
         what it publishes.
     """
 
@@ -79,7 +79,7 @@ class HostSession:
         part: str = "",
         run: str = "",
         failure: str = "",
-        past: Past | None = None,
+        journal: Journal | None = None,
     ) -> None:
         self._nodes = list(nodes)
         self._prefix = f"{scenario.platoon.namespace}/"
@@ -96,8 +96,7 @@ class HostSession:
             machine=sendable(platform.node()),
         )
         self._misunderstood = self._begun = False
-        self._subscribers = Graph.of(scenario).subscribers if past else {}
-        self._past, self._scenario = past, scenario
+        self._journal, self._scenario = journal, scenario
         self._heard_since = math.inf
         self._start_timeout = scenario.run.start_timeout
         self._wait = SUPERVISOR_LIMIT * self._start_timeout
@@ -201,9 +200,10 @@ class HostSession:
         The other ends may see a connection somewhat later.
         """
         now = time.monotonic()
-        if self._past is None or now - self._waits_since > CONNECTION_LIMIT:
+        resumed = self._journal and self._journal.resumed
+        if not resumed or now - self._waits_since > CONNECTION_LIMIT:
             return True
-        if missing_connections(self._endpoints(), self._subscribers):
+        if missing_connections(self._endpoints(), Graph.of(self._scenario).followers):
             self._heard_since = math.inf
         self._heard_since = min(self._heard_since, now)
         return now - self._heard_since > CONNECTION_MARGIN
@@ -213,9 +213,8 @@ class HostSession:
         self._begun = True
         now = time.monotonic_ns()
         steady = now + start - time.time_ns()
-        if self._past:
-            sample = int((now - steady) / 1e9 / self._scenario.run.clock_period)
-            self._past.live_from = sample * self._scenario.step_ns
+        if self._journal:
+            self._journal.begin(int((now - steady) / 1e9 / self._scenario.run.clock_period))
         for node in self._nodes:
             if isinstance(node, PlatoonNode):
                 node.begin(steady)

@@ -80,10 +80,18 @@ class HostProcesses:
         for plan in plans:
             self._running.pop(plan.name, None)
         self._began = time.monotonic()
-        self._starter = threading.Thread(target=self._start, args=(plans, target), daemon=True)
+        arguments = plans, target, self._starter
+        self._starter = threading.Thread(target=self._start, args=arguments, daemon=True)
         self._starter.start()
 
-    def _start(self, plans: Sequence[Plan], target: Callable[[Any, Connection], None]) -> None:
+    def _start(
+        self,
+        plans: Sequence[Plan],
+        target: Callable[[Any, Connection], None],
+        before: threading.Thread | None,
+    ) -> None:
+        if before:
+            before.join()
         with _signals_blocked():
             for plan in plans:
                 if self._stopping:

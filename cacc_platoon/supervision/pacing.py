@@ -51,9 +51,13 @@ def sample_by_clocks(scenario: Scenario, elapsed: float) -> int:
     return int((elapsed + CLOCK_MARGIN) / scenario.run.clock_period)
 
 
-def end_by_clocks(scenario: Scenario) -> float:
-    """Return how long after its start a run by clocks has to be complete [s]."""
-    return scenario.samples * scenario.run.clock_period + stall_limit(scenario)
+def end_by_clocks(scenario: Scenario, *, restarted: bool = False) -> float:
+    """Return how long after its start a run by clocks has to be complete [s].
+
+    A process that is started again may take as long as any to appear.
+    """
+    more = start_limit(scenario) if restarted else 0.0
+    return scenario.samples * scenario.run.clock_period + stall_limit(scenario) + more
 
 
 def known_ahead(scenario: Scenario) -> int:

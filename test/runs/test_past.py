@@ -2,8 +2,6 @@
 
 from pathlib import Path
 
-import pytest
-
 from cacc_platoon.runs.folder import ENDED, RunFolder
 from cacc_platoon.runs.parts import PartWriter
 from cacc_platoon.runs.past import Past
@@ -54,13 +52,3 @@ def test_of_a_sample_that_was_begun_nothing_counts_but_the_packets(tmp_path: Pat
     assert counts == [5, 5]
     assert past.count(VEHICLE.received.name) == 6
     assert past.rows("/platoon/vehicle_9/pose") == []
-
-
-@pytest.mark.parametrize(("live_from", "kept"), [(float("inf"), 0), (0.0, 3), (2 * STEP, 1)])
-def test_packets_count_again_from_a_stamp_on(tmp_path: Path, live_from: float, kept: int) -> None:
-    past, found = Past(tmp_path / ENDED, tmp_path / "parts"), list[bytes]()
-    receive = past.since(found.append, VEHICLE.received.codec)
-    past.live_from = live_from
-    for k in range(3):
-        receive(VEHICLE.received.codec.encode(k * STEP, 1.0))
-    assert len(found) == kept
