@@ -62,7 +62,7 @@ test-quick: setup ## run the unit tests but the slow ones: no processes, no DDS,
 	$(BIN)/python -m pytest -m "unit and not slow" -n auto --dist worksteal --hypothesis-profile quick
 
 test-oldest: $(OLDEST_STAMP) ## quick unit tests and one real run with the oldest versions, on Python 3.11
-	nice $(OLDEST)/bin/python -m pytest -m "unit and not slow" -n auto --dist worksteal --hypothesis-profile few
+	nice -n 19 $(OLDEST)/bin/python -m pytest -m "unit and not slow" -n auto --dist worksteal --hypothesis-profile few
 	$(OLDEST)/bin/python -m pytest '$(ONE_RUN)'
 
 $(OLDEST_STAMP): setup.py pyproject.toml test/oldest.txt

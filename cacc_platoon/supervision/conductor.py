@@ -17,6 +17,7 @@ from cacc_platoon.nodes.executor import spin_for
 from cacc_platoon.scenario.run_event import RunEvent
 from cacc_platoon.supervision.launcher import HostProcesses
 from cacc_platoon.supervision.log import LOG, logs_to_stderr
+from cacc_platoon.supervision.pacing import AwakeClock
 from cacc_platoon.supervision.pause_services import Heeded
 from cacc_platoon.supervision.pausing import Asked
 from cacc_platoon.supervision.protocol import RunPhase
@@ -151,7 +152,9 @@ class Conductor:
         self._node, self._executor = node, executor
         self._machine, self._crew = machine, crew
         self._observe, self._stopped = observe, stopped
-        self.run = machine.begin(run_id, time.monotonic())
+        steady = time.monotonic
+        self._now = steady if machine.asks_clocks else AwakeClock(steady)
+        self.run = machine.begin(run_id, self._now())
         self.start_time: float | None = None
         self._shown, self._shown_at, self._asked = -1, float("-inf"), float("-inf")
         node.feed, node.ask = self.feed, self.ask
@@ -208,7 +211,7 @@ class Conductor:
         """Publish the simulated time, and again now and then for latecomers; it never goes back."""
         if not self._node.shows_time or self.run.started is None:
             return
-        now = time.monotonic()
+        now = self._now()
         shown = max(self._shown, self._machine.simulated(self.run, now))
         if shown > self._shown or now - self._shown_at > CLOCK_PERIOD:
             self._shown, self._shown_at = shown, now
@@ -218,7 +221,7 @@ class Conductor:
         """Let the machine decide about an event, and carry out what follows."""
         _log_event(event, self.run)
         before = self.run.stage
-        self.run, actions = self._machine.step(self.run, event, time.monotonic())
+        self.run, actions = self._machine.step(self.run, event, self._now())
         if self.run.stage is not before:
             LOG.info("%s, sample %d", self.run.stage, self.run.progress)
         for action in actions:

@@ -2,8 +2,43 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.stepping.wall import CLOCK_MARGIN
+
+LONGEST_LOOK = 1.0
+"""For longer [s] a supervisor that is not stopped does not look away."""
+
+
+class AwakeClock:
+    """A steady clock that stands still while its process does.
+
+    Who was stopped cannot have seen the progress that others made meanwhile, nor let them make it.
+
+    Parameters
+    ----------
+    clock : callable
+        The time now [s].
+
+    Examples
+    --------
+    >>> times = iter((5.0, 5.25, 100.0, 100.5))
+    >>> awake = AwakeClock(lambda: next(times))
+    >>> [awake() for _ in range(3)]
+    [5.25, 6.25, 6.75]
+    """
+
+    def __init__(self, clock: Callable[[], float]) -> None:
+        self._clock, self._seen = clock, clock()
+        self._now = self._seen
+
+    def __call__(self) -> float:
+        """Return the time now [s]; call it more often than every `LONGEST_LOOK`."""
+        seen = self._clock()
+        self._now += min(seen - self._seen, LONGEST_LOOK)
+        self._seen = seen
+        return self._now
 
 
 def horizon(scenario: Scenario, progress: int, elapsed: float) -> int:

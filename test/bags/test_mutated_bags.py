@@ -1,4 +1,4 @@
-"""100 damaged bags: each ends in a report or in one clear line, and in little time."""
+"""50 damaged bags: each ends in a report or in one clear line, and in little time."""
 
 import random
 import shutil
@@ -13,7 +13,7 @@ from cacc_platoon.cli import main
 from cacc_platoon.errors import UserError
 from cacc_platoon.report import metrics_document, report_run, summary
 
-BAGS = 100
+BAGS = 50
 PATIENCE = 5.0  # s
 
 

@@ -187,7 +187,7 @@ def relayed(one: Scenario) -> tuple[list[tuple[int, int, int]], list[tuple[int, 
 
 
 @pytest.mark.slow
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=30)
 @given(
     send=st.sampled_from(
         [

@@ -84,9 +84,10 @@ def test_frozen_nodes_are_waited_for(platoon: Start, expected: str) -> None:
 
 
 def test_a_frozen_supervisor_is_waited_for(platoon: Start, expected: str) -> None:
-    run = platoon(*SMALL, "run.real_time_factor=2", hosts=2)
+    """However long: it cannot take its own absence for a stall of the others."""
+    run = platoon(*SMALL, "run.real_time_factor=2", "run.stall_timeout=1.5", hosts=2)
     run.wait_sample(100)
-    run.freeze("supervisor", seconds=1.0)
+    run.freeze("supervisor", seconds=3.0)
     result = run.result()
     assert (result.status, result.digest) == ("finished", expected), result.message
 
