@@ -95,6 +95,8 @@ class Deed:
     def _kill(self) -> None:
         signal_to(self._aim(), signal.SIGKILL)
 
+    _kill_restarted = _kill
+
     def _signal(self) -> None:
         signal_to(self._aim(), signal.Signals[self._fault.variant])
 

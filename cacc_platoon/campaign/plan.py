@@ -72,6 +72,7 @@ FORGED_STATUSES = ("finished", "failed", "rival", "start")
 
 KINDS: Mapping[str, Kind] = {
     "kill": Kind("kill -9", PROCESSES, ALWAYS),
+    "kill_restarted": Kind("kill -9 with run.restarts", ("host",), IN_RUN, syncs=(WALL,)),
     "signal": Kind(
         "a signal that asks for the end", ("supervisor", "host"), ALWAYS, (0, 0), SIGNALS
     ),
@@ -209,6 +210,8 @@ def scenario_of(fault: Fault, given: Scenario | None = None) -> Scenario:
         values |= {"run.duration": 8.0, "v2v.reception": "fallback", "v2v.fallback_after": 0.3}
     else:
         values |= {"run.duration": 20.0, "run.real_time_factor": 5.0}
+    if fault.kind == "kill_restarted":
+        values["run.restarts"] = 1
     if fault.lossy:
         values["v2v.loss"] = 0.2
     return given.with_values(values) if given else Scenario.from_values(values)

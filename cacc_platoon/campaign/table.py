@@ -99,6 +99,7 @@ ROWS: tuple[Row, ...] = (
     # A host, or who starts the hosts.
     Row(("kill",), (_failed(KILLED),), ("host", "forkserver"), EARLY),
     Row(("kill",), (FINISHED, _failed(KILLED)), ("host", "forkserver"), LATE),
+    Row(("kill_restarted",), (Ending("finished", (0,), ("is started again",)),)),
     # Signals.
     Row(
         ("signal", "signal_twice"),

@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from cacc_platoon.analysis import analyse
+from cacc_platoon.analysis.standing import DataState
 from cacc_platoon.bags.digest import run_digest
 from cacc_platoon.bags.raw import BagError
 from cacc_platoon.campaign.check import Outcome
@@ -188,7 +189,7 @@ def _as_recorded(outcome: Outcome, run: Platoon) -> Outcome:
     return dataclasses.replace(
         outcome,
         samples=len(report.run.trajectory.position),
-        intact=largest == 0.0,
+        intact=largest == 0.0 and report.standing.state is DataState.INTACT,
         collided=report.measured.first_collision is not None,
     )
 
