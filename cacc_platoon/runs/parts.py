@@ -6,8 +6,8 @@ import contextlib
 import json
 import os
 import re
-from collections.abc import Iterable
-from errno import ENOENT
+from collections.abc import Callable, Iterable
+from errno import ENOENT, ENOSPC
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -63,7 +63,10 @@ class PartWriter:
             for entry in topics_index
         }
         self._sizes = {topic.name: topic.codec.size for topic in topics}
-        self.writers = {name: file.write for name, file in self._files.items()}
+        self.writers: dict[str, Callable[[bytes], object]] = {
+            name: file.write if buffered else _writing_all(file)
+            for name, file in self._files.items()
+        }
 
     def count(self, name: str) -> int:
         """Return how many messages of a topic were flushed so far; none once closed."""
@@ -113,6 +116,16 @@ def _opened(path: Path, *, buffered: bool) -> BinaryIO:
         return os.open(name, flags & ~os.O_WRONLY | os.O_RDWR, 0o666)
 
     return open(path, "wb", -1 if buffered else 0, opener=opener)
+
+
+def _writing_all(file: BinaryIO) -> Callable[[bytes], object]:
+    """Return what writes to a file without a buffer: a disk may take the beginning alone."""
+
+    def write(data: bytes) -> None:
+        if file.write(data) < len(data):
+            raise OSError(ENOSPC, os.strerror(ENOSPC), file.name)
+
+    return write
 
 
 def _is(path: Path, made: os.stat_result) -> bool:

@@ -126,9 +126,10 @@ class ClockMachine(RunMachine):
         told: list[Action] = []
         run, again = self._restarted(run)
         for host, ended in run.ended_processes.items():
-            run, warnings = warn(run, [self.process_ended(run, ended)])
-            if warnings:
-                event = RunEvent(EventKind.FAULT, max(run.progress, 0), OWN_HOST, warnings[0].line)
+            line = self.process_ended(run, ended)
+            run, warnings = warn(run, [line])
+            if warnings or host in run.recorded:
+                event = RunEvent(EventKind.FAULT, max(run.progress, 0), OWN_HOST, line)
                 told += [*warnings, Tell(event)]
             recorded = _without(run.recorded, host)
             progress = min(recorded.values(), default=run.progress)

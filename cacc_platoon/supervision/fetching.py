@@ -71,11 +71,15 @@ def fetch_parts(
     for state in states:
         if state.phase is not HostPhase.CLOSED:
             continue
-        sink = None
+        sink, trouble = None, ""
         if state in there:
             records = [topics[name] for name in state.records]
-            sink = PartSink(folder / host_name(state.host), records, scenario.samples)
+            try:
+                sink = PartSink(folder / host_name(state.host), records, scenario.samples)
+            except OSError as error:
+                trouble = f"it cannot be written: {error.strerror}"
         requests[state.host] = PartRequest(node, platoon, state.host, sink)
+        requests[state.host].trouble = trouble
     size = sum(topics[name].codec.size for state in there for name in state.records) or 1
     fetch(
         executor, requests, lambda received: observe(received // size, scenario.samples), given_up

@@ -13,7 +13,13 @@ from cacc_platoon.stepping.wall import CLOCK_MARGIN
 from cacc_platoon.supervision.belief import Belief, OwnHost
 from cacc_platoon.supervision.clock_machine import ClockMachine
 from cacc_platoon.supervision.newcomers import NEWCOMER_LOOKS
-from cacc_platoon.supervision.pacing import LEAD, LEAD_OF_A_VEHICLE, end_by_clocks, sample_by_clocks
+from cacc_platoon.supervision.pacing import (
+    LEAD,
+    LEAD_OF_A_VEHICLE,
+    end_by_clocks,
+    sample_by_clocks,
+    start_limit,
+)
 from cacc_platoon.supervision.protocol import HostPhase, HostState, RunPhase
 from cacc_platoon.supervision.run_events import (
     Action,
@@ -35,7 +41,7 @@ from cacc_platoon.supervision.run_events import (
     Tick,
     Warn,
 )
-from cacc_platoon.supervision.run_state import Stage
+from cacc_platoon.supervision.run_state import MOST_WARNINGS, Stage
 from msg_adapters.topics import Graph
 
 AHEAD = 1.7e9
@@ -291,3 +297,26 @@ def test_a_run_does_not_end_without_a_host_that_is_being_started_again() -> None
     assert play.run.stage is Stage.RUNNING
     play.at(131, Recorded("rear", 100))
     assert play.over().status is EndStatus.FINISHED
+
+
+def test_a_host_that_is_not_there_again_in_time_is_named() -> None:
+    play = Play(run__restarts=1)
+    play.at(50, HostsStarted({"front": 100, "rear": 101}), Recorded("front", 48))
+    play.at(90, ProcessEnded("rear", 101, "was killed"))
+    play.at(102, Recorded("front", 100))
+    late = end_by_clocks(play.scenario) * 100.0
+    play.at(round(late) + 10)
+    assert play.run.stage is Stage.RUNNING
+    play.at(round(late + 100.0 * start_limit(play.scenario)) + 10)
+    end = play.over()
+    assert end.status is EndStatus.FAILED
+    assert "host rear, which was started again, is not there" in end.message
+
+
+def test_a_host_that_is_lost_is_an_event_when_nothing_more_is_warned_of() -> None:
+    play = Play()
+    play.run = play.run._replace(warned=frozenset(map(str, range(MOST_WARNINGS))))
+    told = play.at(50, Recorded("front", 48), ProcessEnded("rear", 101, "was killed"))
+    told += play.at(60, Recorded("front", 58))
+    assert not [action for action in told if isinstance(action, Warn)]
+    assert [one.event.kind for one in told if isinstance(one, Tell)] == [EventKind.FAULT]
