@@ -14,7 +14,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import random
-import subprocess
 import sys
 import tempfile
 from collections import Counter
@@ -22,6 +21,8 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
+
+from frame import busy_loops  # type: ignore[import-not-found]
 
 from cacc_platoon.analysis import DataState, analyse
 from cacc_platoon.bags.digest import run_digest
@@ -71,17 +72,9 @@ def nothing(_run: Platoon, _samples: int, _draw: random.Random) -> Iterator[None
     yield
 
 
-@contextlib.contextmanager
-def busy_loops(_run: Platoon, _samples: int, draw: random.Random) -> Iterator[None]:
-    """Keep every core busy with something else; each loop ends by itself too."""
-    loop = f"import time\nend = time.monotonic() + {LIMIT}\nwhile time.monotonic() < end: pass"
-    loops = [subprocess.Popen([sys.executable, "-c", loop]) for _ in range(draw.randint(3, 6))]
-    try:
-        yield
-    finally:
-        for each in loops:
-            each.kill()
-            each.wait()
+def busy_cores(_run: Platoon, _samples: int, draw: random.Random) -> AbstractContextManager[None]:
+    """Keep every core busy with something else."""
+    return busy_loops(draw.randint(3, 6), LIMIT)
 
 
 @contextlib.contextmanager
@@ -117,7 +110,7 @@ def start_order(run: Platoon, _samples: int, draw: random.Random) -> Iterator[No
 DISTURBANCES: dict[str, Callable[[Platoon, int, random.Random], AbstractContextManager[None]]] = {
     "frozen node": frozen_node,
     "start order": start_order,
-    "busy loops": busy_loops,
+    "busy loops": busy_cores,
     "frozen supervisor": frozen_supervisor,
     "none": nothing,
 }

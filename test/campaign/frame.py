@@ -6,6 +6,7 @@ A search is a function from a random generator and a folder to a `Case`; `search
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
 import random
 import resource
@@ -15,7 +16,7 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -31,6 +32,19 @@ class Case(NamedTuple):
 
     name: str
     arguments: Sequence[str]
+
+
+@contextlib.contextmanager
+def busy_loops(count: int, limit: float) -> Iterator[None]:
+    """Keep cores busy with something else; each loop ends by itself, too, after a limit [s]."""
+    loop = f"import time\nend = time.monotonic() + {limit}\nwhile time.monotonic() < end: pass"
+    loops = [subprocess.Popen([sys.executable, "-c", loop]) for _ in range(count)]
+    try:
+        yield
+    finally:
+        for one in loops:
+            one.kill()
+            one.wait()
 
 
 Search = Callable[[random.Random, Path], Case]
