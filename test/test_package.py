@@ -134,6 +134,7 @@ def test_the_manifest_is_an_ament_python_package_of_format_3():
     assert (ROOT / "resource" / "cacc_platoon").is_file()
 
 
+@pytest.mark.slow
 def test_exec_depends_are_what_the_code_imports():
     packages = imported("cacc_platoon", "msg_adapters", "launch") - OPTIONAL.keys()
     assert {ROSDEP_KEYS.get(name, name) for name in packages} == depends("exec_depend")
@@ -169,6 +170,7 @@ def test_pip_installs_the_platoon_command_alone(setup_arguments, command):
     assert entry.startswith("platoon = ")
 
 
+@pytest.mark.slow
 def test_test_depends_that_rosdep_knows_are_declared():
     known = {ROSDEP_KEYS[name] for name in imported("test") & ROSDEP_KEYS.keys()}
     assert known - depends("exec_depend") == depends("test_depend")

@@ -28,6 +28,7 @@ def judged(values):
     return judge(run.scenario, measured.noise, None, measured.reception, conduct)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("values", "words"),
     [
@@ -54,6 +55,7 @@ def test_what_voids_a_certificate(values, words):
     assert any(words in reason for reason in verdict.void), verdict.void
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "values",
     [
@@ -70,6 +72,7 @@ def test_what_does_not_act_voids_nothing(values):
     assert verdict.certified, verdict.void
 
 
+@pytest.mark.slow
 def test_after_blackout_and_fallback_it_holds_again():
     silent = {"v2v.reception": "fallback", "v2v.blackouts": (12.0, 15.0)}
     verdict = judged(silent)
@@ -79,6 +82,7 @@ def test_after_blackout_and_fallback_it_holds_again():
     assert judged({**silent, "v2v.false_data": ("1 2 frozen",)}).holds_from is None
 
 
+@pytest.mark.slow
 def test_a_law_of_ones_own_is_not_said_to_blend_well(monkeypatch):
     monkeypatch.syspath_prepend(str(Path(__file__).parents[1] / "system"))
     silent = {"v2v.reception": "fallback", "v2v.blackouts": (12.0, 15.0)}
@@ -102,6 +106,7 @@ def test_where_a_vehicle_stands_counts_as_a_limit():
     assert used.begin > 15.0
 
 
+@pytest.mark.slow
 def test_links_that_send_as_they_move_know_what_was_sent():
     for extra in ({}, {"v2v.loss": 0.3}, {"v2v.latency": 0.05, "v2v.jitter": 0.1}):
         run = simulate(Scenario.from_values({**SHORT, "v2v.send_rule": "cam", **extra}))

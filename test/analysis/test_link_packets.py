@@ -95,6 +95,7 @@ def test_counts_over_time_are_those_of_the_links():
     assert all(link.overtaken > 10 for link in links)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("channel", "foreign"), [("cam_lossy", True), ("gilbert_tamu", False), ("attacked", True)]
 )

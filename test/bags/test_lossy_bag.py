@@ -44,6 +44,7 @@ def by_mcap(bag, topic):
             yield record.log_time, record.publish_time, stamp, message.accel.linear.x
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CHANNELS)
 def test_the_bag_holds_exactly_what_arrived(bags, tmp_path, name):
     """Log time is delivery, publish time and stamp are the source, values to the last bit."""

@@ -116,7 +116,7 @@ def test_mutated_bags(sources, tmp_path):
     assert min(outcomes.values()) > 20, outcomes
 
 
-@pytest.mark.parametrize("number", [0, 7, 14, 1])
+@pytest.mark.parametrize("number", [0, 7])
 def test_damage_can_be_drawn(sources, tmp_path, number):
     """Whatever can be read can also be drawn."""
     try:

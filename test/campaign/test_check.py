@@ -24,6 +24,7 @@ KILLED = dataclasses.replace(
 )
 
 
+@pytest.mark.slow
 def test_every_fault_has_a_row_and_every_row_a_fault():
     faults = [plan(1, index, only=kind) for kind in KINDS for index in range(300)]
     assert {id(row_of(fault)) for fault in faults} == {id(row) for row in ROWS}

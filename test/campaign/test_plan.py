@@ -31,6 +31,7 @@ def test_a_fault_depends_on_seed_and_number_alone(faults):
     assert all((fault.seed, fault.index) == (1, place) for place, fault in enumerate(faults))
 
 
+@pytest.mark.slow
 def test_every_kind_moment_variant_and_kind_of_run_comes(faults):
     assert Counter(fault.kind for fault in faults).keys() == KINDS.keys()
     assert {fault.moment for fault in faults} == set(Moment)

@@ -70,6 +70,7 @@ def test_names_of_this_machine_are_served(page, name):
     assert get(page, "/picture.json", f"{name}:{page.port}")[0].status == 200
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "host", ["", "evil.example", "evil.example:{port}", "127.0.0.1", "127.0.0.1:{port}x", "0.0.0.0"]
 )
@@ -79,6 +80,7 @@ def test_other_names_are_refused(page, host):
     assert (answer.status, body) == (421, b"")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "path", ["/../picture.json", "/page_server.py", "/etc/passwd", "/picture.json/"]
 )
@@ -101,6 +103,7 @@ def test_a_port_that_is_taken_is_one_line(page):
         PageServer(page.port)
 
 
+@pytest.mark.slow
 def test_clients_that_say_nothing_do_not_hold_up_others_without_end(page):
     """Too many connections are closed, and those that end make room again."""
     idle = [socket.create_connection((HOST, page.port)) for _ in range(MOST_CLIENTS + 5)]

@@ -27,6 +27,7 @@ def test_a_slice_is_that_of_the_whole(probabilities, start, length):
     np.testing.assert_array_equal(one.is_bad(start, start + length), whole[start : start + length])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("begin", "end"), [(0.3, 0.3), (0.02, 0.2), (0.8, 0.7)])
 def test_good_and_bad_times_are_a_markov_chain(begin, end):
     bad = bursts(begin, end).is_bad(0, N)

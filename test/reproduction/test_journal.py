@@ -32,6 +32,7 @@ def test_what_cannot_be_compared_is_a_question(reports):
     assert "?" in found.basis
 
 
+@pytest.mark.slow
 def test_lengths(reports):
     assert claim(reports, "at rest").measured == "345.000 and 324.000"
     assert claim(reports, "at most").measured == "436.729 and 416.683"
@@ -55,6 +56,7 @@ def chain_of_case_5():
     return np.array(peaks), np.array(errors)
 
 
+@pytest.mark.slow
 def test_case_5_against_transfer_functions(reports):
     peaks, errors = chain_of_case_5()
     found = claim(reports, "max|a_1| and max|a_12|").measured.split(" and ")

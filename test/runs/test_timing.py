@@ -39,6 +39,7 @@ def with_timing(recording: Any, **values: Any) -> Any:
     return {**recording, TIMING.name: type(recording[TIMING.name])(kind, rows, delivered)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "values",
     [

@@ -33,6 +33,7 @@ PUBLISHED = {
 PEAK_LENGTH = {"paper_a": 436.729, "paper_c": 416.683}
 
 
+@pytest.mark.slow
 def test_the_published_spacing_errors(case):
     name, run = case
     peaks = np.abs(run.spacing_error).max(axis=0)
@@ -55,6 +56,7 @@ def test_the_published_platoon_lengths(case):
         assert run.platoon_length.max() > length
 
 
+@pytest.mark.slow
 def test_a_vanishing_step_gives_the_figures_of_the_continuous_law():
     # docs/theory.md, section 1 (Setting): case A under the continuous law has max|delta_1| =
     # 1.595944 and max|delta_12| = 1.543560 m, and a largest length of 436.718 m; two steps
@@ -85,6 +87,7 @@ MIXED = Scenario.from_values(
 )
 
 
+@pytest.mark.slow
 def test_a_platoon_of_unlike_vehicles_against_a_reference_written_out():
     """Every follower by matrix exponentials, sample by sample, from the paper's equations."""
     run, step, profile = simulate(MIXED), MIXED.run.step, MIXED.leader_profile()

@@ -30,6 +30,7 @@ def scenario(**values):
     return Scenario.from_values({"v2v.noise": "expected", **given})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reception", ["hold", "zero"])
 @pytest.mark.parametrize("loss", [0.0, 1.0])
 def test_the_expectation_run_is_the_run_without_chance(loss, reception):
@@ -42,6 +43,7 @@ def test_the_expectation_run_is_the_run_without_chance(loss, reception):
     assert np.any(run.received != 0.0) == (loss == 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reception", ["hold", "zero"])
 def test_the_mean_of_lossy_runs_is_the_expectation_run(reception):
     """Within 4 standard errors of 400 runs, at every sample of three vehicles."""
@@ -59,6 +61,7 @@ def test_the_mean_of_lossy_runs_is_the_expectation_run(reception):
 BURSTS = {"v2v__burst_begin": 0.3, "v2v__burst_end": 0.3, "v2v__burst_loss": 0.95}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reception", ["hold", "zero"])
 def test_the_mean_of_runs_with_bursts_is_the_expectation_run(reception):
     values = {"platoon__followers": 3, "run__duration": 16.0, "leader__start": 1.0}
@@ -121,6 +124,7 @@ def growth_in_time(values, growth, *, lasting, hops, swings=6):
     return (swing[-1] / swing[-1 - hops]) ** (1.0 / hops)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("design", "interval", "lasting"), [("A", 20, 250.0), ("C", 20, 250.0), ("D", 34, 100.0)]
 )
@@ -134,6 +138,7 @@ def test_growth_per_hop_is_that_of_theory(design, interval, lasting):
     assert grown == pytest.approx(found.growth, abs=2e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("design", "lasting"), [("A", 250.0), ("C", 250.0), ("D", 100.0)])
 def test_latency_is_borne_up_to_the_margin_and_not_above(design, lasting):
     """The last control period below the margin and the first above, where the latter grows most."""
@@ -252,7 +257,7 @@ def test_a_packet_that_was_overtaken_is_of_no_use_in_the_mean(reception, rule, l
     rises, falls = late
     changes = (f"{rises} link_1 v2v.latency=0.55", f"{falls} link_1 v2v.latency=0")
     for more in ((), (f"{falls} link_1 v2v.loss=1", "14 link_1 v2v.loss=0")):
-        values = {"v2v.reception": reception, "run.duration": 16.0, **rule}
+        values = {"platoon.followers": 4, "v2v.reception": reception, "run.duration": 16.0, **rule}
         values |= {"v2v.noise": "none", "leader.start": 1.0, "run.timeline": (*changes, *more)}
         one = Scenario.from_values(values)
         run, mean = simulate(one), simulate_mean(one)

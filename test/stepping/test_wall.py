@@ -241,6 +241,7 @@ CHANNELS: dict[str, dict[str, Any]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CHANNELS)
 @pytest.mark.parametrize("seed", range(3))
 def test_what_is_published_of_a_run_is_enough_to_work_it_out_again(name: str, seed: int):

@@ -308,6 +308,7 @@ def test_json_that_is_no_object_is_refused(text: str) -> None:
     assert "not an object" in reason(STATUS, text)
 
 
+@pytest.mark.slow
 @given(st.text())
 def test_what_is_sendable_arrives_as_it_is(text: str) -> None:
     sent = dataclasses.replace(HOST, failure=sendable(text))

@@ -83,6 +83,7 @@ def test_a_command_that_leaves_its_host_running_has_not_failed(start) -> None:
     assert commands.ended() == []
 
 
+@pytest.mark.slow
 def test_a_command_ends_with_the_run(start, tmp_path: Path) -> None:
     """By its standard input, or else by a signal, with all that it has started."""
     said = tmp_path / "host_east.log"

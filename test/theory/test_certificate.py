@@ -79,6 +79,7 @@ def test_both_ends_matter_in_this_test():
         assert larger == {True, False}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("gains", "reception"), [(DAMPED, 1.0), (DAMPED, 0.6), (FAST, 0.9)])
 def test_margins_hold_at_every_gain_and_lag(gains, reception):
     """Each margin is that of the worst single gain and lag; the low end of I decides for FAST."""

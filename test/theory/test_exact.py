@@ -173,6 +173,7 @@ def simulated_l1_norm(gains, tau, k):
     return total
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("gains", "tau", "k"),
     [

@@ -39,6 +39,7 @@ FAST = Gains(0.32519953101693766, 0.965174129353234, 0.005252662821851819, 6.628
 QUESTION = (5.0, 0.5, 0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("gains", "interval", "growth", "omega"),
     [

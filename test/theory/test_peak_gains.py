@@ -56,6 +56,7 @@ def responses(gains, tau, numerators, horizon, steps=200_000):
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gains", [D, E], ids="DE")
 @pytest.mark.parametrize("tau", [0.5, 0.1])
 def test_sure_gain_is_the_integral_of_the_larger_end(gains, tau):

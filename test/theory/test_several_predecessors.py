@@ -150,6 +150,7 @@ def test_refusals(call):
         call()
 
 
+@pytest.mark.slow
 @given(st.integers(2, 4), st.floats(0.3, 1.2), st.floats(0.05, 0.7), st.floats(0.2, 1.5))
 @settings(max_examples=25)
 def test_growth_with_several_predecessors_is_that_of_the_recursion(r, h, k_total, k_v):
