@@ -58,7 +58,7 @@ test: lint ## check the style and types, then run every test
 	$(BIN)/python -m pytest -m "unit or report" -n auto --dist worksteal
 	$(BIN)/python -m pytest -m "ros or system" -n 4 --dist worksteal
 
-test-quick: setup ## run the unit tests but the slow ones: no processes, no DDS, a minute and a half
+test-quick: setup ## run the unit tests but the slow ones: no processes, no DDS
 	$(BIN)/python -m pytest -m "unit and not slow" -n auto --dist worksteal --hypothesis-profile quick
 
 test-oldest: $(OLDEST_STAMP) ## quick unit tests and one real run with the oldest versions, on Python 3.11

@@ -25,6 +25,7 @@ def test_all_that_can_be_read_agrees(reports):
     assert all(part.strip() and part.isascii() for one in claims for part in one[:4])
 
 
+@pytest.mark.slow
 def test_what_cannot_be_compared_is_a_question(reports):
     found = claim(reports, "optimal k_a")
     assert found.agrees is None
