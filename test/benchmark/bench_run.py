@@ -2,12 +2,13 @@
 
     python test/benchmark/bench_run.py [--runs 3] [--hosts 1 2] [--followers 12 50] [--set K=V]
     python test/benchmark/bench_run.py --against ../checkout_of_before --runs 5
+    python test/benchmark/bench_run.py --over ideal --channel cam_lossy --runs 7
 
 Prints the median, smallest and largest of several runs: real-time factor from the first to the
 last sample, time from the command to the first sample, vehicle-samples per second, and the CPU
-time of the command with its hosts, which a busy machine changes least. With --against both
-checkouts run in turn, and the ratio of each pair follows; --cpu 0 keeps everything on one
-processor, where pairs differ least.
+time of the command with its hosts, which a busy machine changes least. With --against another
+checkout, or with --over another channel, runs in turn with this one, and the ratio of each pair
+follows; --cpu 0 keeps everything on one processor, where pairs differ least.
 """
 
 import argparse
@@ -29,11 +30,14 @@ PR_SET_CHILD_SUBREAPER = 36  # orphans of the command, its hosts, are then waite
 HERE = Path(__file__).resolve().parents[2]
 
 
-def run_once(checkout: Path, settings: Sequence[str], followers: int) -> dict[str, float]:
+def run_once(
+    checkout: Path, settings: Sequence[str], followers: int, channel: str
+) -> dict[str, float]:
     """Run the command of a checkout once and return how fast it was."""
     with tempfile.TemporaryDirectory() as folder, own_domain() as domain:
         command = [sys.executable, "-m", "cacc_platoon", "run", "config/paper_a.yaml"]
         command += ["--no-report", "-o", f"{folder}/run"]
+        command += ["--channel", channel] if channel else []
         for setting in settings:
             command += ["--set", setting]
         environment = {"PYTHONPATH": str(checkout), "ROS_DOMAIN_ID": str(domain)}
@@ -67,18 +71,20 @@ def show(name: str, values: Sequence[float]) -> None:
 def measure(options: argparse.Namespace, followers: int, hosts: str) -> None:
     settings = [f"run.hosts={hosts}", f"platoon.followers={followers}", *options.set]
     settings.append(f"run.duration={options.duration}")
-    checkouts = [HERE, *([options.against] if options.against else [])]
-    results: list[list[dict[str, float]]] = [[] for _ in checkouts]
+    tried = [(HERE, options.channel)]
+    if options.against or options.over:
+        tried.append((options.against or HERE, options.over or options.channel))
+    results: list[list[dict[str, float]]] = [[] for _ in tried]
     for _ in range(options.runs):
-        for found, checkout in zip(results, checkouts, strict=True):
-            found.append(run_once(checkout, settings, followers))
+        for found, (checkout, channel) in zip(results, tried, strict=True):
+            found.append(run_once(checkout, settings, followers, channel))
     print(f"N = {followers}, {hosts} hosts, {options.duration:g} s, {options.runs} runs")
     for name in results[0][0]:
         show(name, [result[name] for result in results[0]])
-        if options.against:
-            show("  before", [result[name] for result in results[1]])
+        if len(tried) > 1:
+            show("  the other", [result[name] for result in results[1]])
             pairs = zip(*results, strict=True)
-            show("  ratio, this over before", [now[name] / then[name] for now, then in pairs])
+            show("  ratio, this over the other", [one[name] / two[name] for one, two in pairs])
 
 
 def main() -> None:
@@ -89,6 +95,8 @@ def main() -> None:
     parser.add_argument("--duration", type=float, default=100.0, help="simulated time [s]")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
     parser.add_argument("--against", type=Path, help="another checkout, run in turn with this one")
+    parser.add_argument("--channel", default="", help="a channel by name")
+    parser.add_argument("--over", default="", help="another one, run in turn with it")
     parser.add_argument("--cpu", type=int, help="run everything on this processor alone")
     options = parser.parse_args()
     if options.cpu is not None:
