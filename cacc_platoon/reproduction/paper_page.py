@@ -9,11 +9,12 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from cacc_platoon.analysis.document import plain_values
 from cacc_platoon.errors import UserError
 from cacc_platoon.formats import Format
 from cacc_platoon.notation import as_html
 from cacc_platoon.report.html_page import draw_figures, html_page
-from cacc_platoon.report.metrics_json import metrics_document, plain_values
+from cacc_platoon.report.metrics_json import metrics_document
 from cacc_platoon.report.tables import text_table
 from cacc_platoon.reproduction.journal import DOI
 from cacc_platoon.reproduction.paper_figures import paper_pictures

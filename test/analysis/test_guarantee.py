@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from cacc_platoon.analysis import judge
+from cacc_platoon.analysis.document import verdict_document
 from cacc_platoon.model import Gains, State, ThirdOrderPlant
-from cacc_platoon.report.metrics_json import verdict_document
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.simulation import simulate, simulate_mean
 from cacc_platoon.theory import (

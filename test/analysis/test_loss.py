@@ -15,9 +15,9 @@ from cacc_platoon.analysis import (
     warn_if_not_string_stable,
 )
 from cacc_platoon.analysis.age import information_age, link_reception
+from cacc_platoon.analysis.document import verdict_document
 from cacc_platoon.model import ComposedChannel
 from cacc_platoon.report import metrics_document, summary
-from cacc_platoon.report.metrics_json import verdict_document
 from cacc_platoon.runs.recording import recording_of
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.simulation import Arrivals, simulate

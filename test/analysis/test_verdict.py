@@ -13,10 +13,10 @@ from cacc_platoon.analysis import (
     judge,
     warn_if_not_string_stable,
 )
+from cacc_platoon.analysis.document import verdict_document as metrics_of
 from cacc_platoon.analysis.guarantee import noise_statistics
 from cacc_platoon.design import Requirements, assess
 from cacc_platoon.report import metrics_document
-from cacc_platoon.report.metrics_json import verdict_document as metrics_of
 from cacc_platoon.reproduction.cases import CASES, case_scenario
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.simulation import simulate
