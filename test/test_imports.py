@@ -48,7 +48,7 @@ ROOMS = {
         {*RUNS, "stop_signal", "time_limit", "dds", "stepping", "nodes"}, {"numpy", *ROS}
     ),
     "live": Room({*RUNS, "supervision"}, set(), {"foxglove"}),
-    "sweep": Room({*JUDGED}, {"numpy"}),
+    "sweep": Room({*JUDGED}, {"numpy"}, {"pyarrow", "scipy"}),
     "report": Room({*JUDGED, "design", "figures", "notation"}, {"numpy", "ruamel"}, {"matplotlib"}),
     "replay": Room({*JUDGED, "figures"}, {"numpy"}),
     "testing": Room({*RUNS, "dds", "nodes", "supervision"}, {"numpy", *ROS}),
@@ -60,7 +60,7 @@ ROOMS = {
         {
             *JUDGED,
             *("stop_signal", "dds", "design", "figures", "live", "report", "replay"),
-            "reproduction",
+            *("reproduction", "sweep"),
         },
         {"numpy", "ruamel"},
         {"nodes", "supervision", "campaign", *ROS},

@@ -22,6 +22,7 @@ VERBS = (
     "run",
     "host",
     "simulate",
+    "sweep",
     "report",
     "merge",
     "control",

@@ -92,7 +92,7 @@ def parse_scenario(
     sections = list(read_sections(_parse_yaml(text, source), source))
     if not sections:
         raise ScenarioError(f"{source}: holds no parameters. Begin with /**: {SECTION}:.")
-    set_values = dict(_parse_setting(setting) for setting in settings)
+    set_values = dict(parse_setting(setting) for setting in settings)
     given = [*(section for _, section in sections), set_values]
     prefix = _last(given, "platoon.namespace", source)
     check_namespace(prefix, source)
@@ -171,7 +171,14 @@ def _last(given: list[dict[str, Any]], name: str, source: str) -> Any:
     return row.check(next((g[name] for g in reversed(given) if name in g), row.default), source)
 
 
-def _parse_setting(setting: str) -> tuple[str, Any]:
+def parse_setting(setting: str) -> tuple[str, Any]:
+    """Return name and value of a `key=value` text.
+
+    Raises
+    ------
+    ScenarioError
+        When it is none.
+    """
     name, equals, text = setting.partition("=")
     if not equals:
         raise ScenarioError(f"--set {setting}: has no value. Write key=value.")
@@ -192,7 +199,7 @@ def apply_settings(settings: Iterable[str], values: Values) -> None:
         For a text that is none.
     """
     for setting in settings:
-        _apply_setting(*_parse_setting(setting), values)
+        _apply_setting(*parse_setting(setting), values)
 
 
 def _apply_setting(name: str, value: Any, values: Values) -> None:

@@ -1,14 +1,19 @@
-"""One scenario as one row of numbers: judged by its parameters, simulated in arrays."""
+"""One scenario as numbers: judged by its parameters, simulated in arrays."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from cacc_platoon.analysis import compute_metrics, judge
-from cacc_platoon.scenario import Scenario
+from cacc_platoon.analysis.document import plain_values, run_document, verdict_document
 from cacc_platoon.simulation import simulate, simulate_mean
+
+if TYPE_CHECKING:
+    from cacc_platoon.analysis import Metrics, Verdict
+    from cacc_platoon.scenario import Scenario
 
 
 @dataclass(frozen=True)
@@ -56,6 +61,21 @@ class Row:
     loss: float
 
 
+class _Judged(NamedTuple):
+    """The run of a scenario's seed, the mean system, and the verdict on its parameters."""
+
+    run: Metrics
+    mean: Metrics
+    verdict: Verdict
+
+    @classmethod
+    def of(cls, scenario: Scenario) -> _Judged:
+        with np.errstate(all="ignore"):  # an unstable scenario overflows, and that is its result
+            run = compute_metrics(simulate(scenario))
+            mean = compute_metrics(simulate_mean(scenario))
+        return cls(run, mean, judge(scenario))
+
+
 def evaluate(scenario: Scenario) -> Row:
     """Judge and simulate a scenario; a pure function, for any `concurrent.futures` executor.
 
@@ -66,16 +86,14 @@ def evaluate(scenario: Scenario) -> Row:
 
     Examples
     --------
+    >>> from cacc_platoon.scenario import Scenario
     >>> short = Scenario.from_values({"run.duration": 20.0, "platoon.followers": 3})
     >>> headways = (0.95, 0.65)
     >>> rows = [evaluate(short.with_values({"controller.time_headway": h})) for h in headways]
     >>> [row.string_stable for row in rows]
     [True, False]
     """
-    with np.errstate(all="ignore"):  # an unstable scenario overflows, and that is its result
-        run = compute_metrics(simulate(scenario))
-        mean = compute_metrics(simulate_mean(scenario)).max_abs_spacing_error
-    verdict = judge(scenario)
+    run, mean, verdict = _Judged.of(scenario)
     return Row(
         scenario.name,
         scenario.run.seed,
@@ -84,11 +102,35 @@ def evaluate(scenario: Scenario) -> Row:
         verdict.basis,
         verdict.weakest.l2_gain,
         verdict.linf_gain,
-        float(mean[0]),
-        float(mean[-1]),
+        float(mean.max_abs_spacing_error[0]),
+        float(mean.max_abs_spacing_error[-1]),
         float(run.max_abs_spacing_error[0]),
         float(run.max_abs_spacing_error[-1]),
         float(np.min(run.min_gap)),
         run.collision,
         max(link.loss for link in run.reception),
     )
+
+
+def document_of(scenario: Scenario) -> dict[str, Any]:
+    """Judge and simulate a scenario; return its numbers by the names of metrics.json.
+
+    Those of the run of its seed, of the mean system under `expected`, of the verdict under
+    `verdict`; what is not finite is None.
+
+    Examples
+    --------
+    >>> from cacc_platoon.scenario import Scenario
+    >>> found = document_of(Scenario.from_values({"run.duration": 20.0, "platoon.followers": 3}))
+    >>> len(found["expected"]["max_abs_spacing_error"]), found["verdict"]["string_stable"]
+    (3, True)
+    """
+    run, mean, verdict = _Judged.of(scenario)
+    document: dict[str, Any] = plain_values(
+        {
+            **run_document(run),
+            "expected": run_document(mean),
+            "verdict": verdict_document(verdict),
+        }
+    )
+    return document

@@ -1,0 +1,196 @@
+"""Evaluates the rows of a study on any executor, and again those that an executor lost."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    wait,
+)
+from contextlib import suppress
+from multiprocessing import get_context
+from typing import Any, NamedTuple
+
+from cacc_platoon.errors import UserError, one_line
+from cacc_platoon.scenario import Scenario
+from cacc_platoon.sweep.criterion import Criterion, Value
+from cacc_platoon.sweep.evaluate import document_of
+from cacc_platoon.sweep.plan import Plan, Point
+from cacc_platoon.sweep.rows import RowResult
+
+ATTEMPTS = 3
+"""So often a row is tried whose process ends or whose executor breaks."""
+AHEAD = 4
+"""Rows that are handed out for each process at once."""
+_WATCH_PERIOD = 0.5
+
+Evaluate = Callable[[Scenario, int], dict[str, Any]]
+"""Returns the numbers of the scenario of a row by the names of metrics.json."""
+
+
+def simulated(scenario: Scenario, _row: int) -> dict[str, Any]:
+    """Evaluate a scenario in arrays; see `document_of`."""
+    return document_of(scenario)
+
+
+def evaluate_point(
+    scenario: Scenario,
+    point: Point,
+    columns: Sequence[Value],
+    criteria: Sequence[Criterion],
+    evaluate: Evaluate = simulated,
+) -> RowResult:
+    """Evaluate one row; what makes it fail is its result.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        What all rows have in common.
+    point : Point
+        The row.
+    columns, criteria
+        What is wanted of it, see `Plan`.
+    evaluate : callable, optional
+        How.
+    """
+    try:
+        document = evaluate(scenario.with_values(point.settings), point.row)
+        values = {value.text: value.of(document) for value in columns}
+        met = {criterion.text: criterion.holds(document) for criterion in criteria}
+    except UserError as error:
+        return RowResult(point.row, {}, {}, str(error))
+    except (ArithmeticError, ValueError, MemoryError) as error:
+        return RowResult(point.row, {}, {}, one_line(f"{type(error).__name__}: {error}", 300))
+    return RowResult(point.row, values, met)
+
+
+class _Try(NamedTuple):
+    """A row that is given to an executor, for the first time or again."""
+
+    point: Point
+    number: int
+
+
+class Evaluation:
+    """Evaluates rows on executors; one that breaks, since a process was killed, is made anew.
+
+    A row that was lost with others is tried again, at last alone: if it is lost then, it is what
+    ends the process, and a failed row.
+
+    Parameters
+    ----------
+    plan : Plan
+        The study.
+    points : iterable of Point
+        Which of its rows.
+    make_executor : callable
+        Makes any executor of `concurrent.futures`.
+    workers : int
+        How many rows it evaluates at once.
+    evaluate : callable, optional
+        As of `evaluate_point`; it has to be picklable where processes evaluate.
+    """
+
+    def __init__(
+        self,
+        plan: Plan,
+        points: Iterable[Point],
+        make_executor: Callable[[], Executor],
+        *,
+        workers: int,
+        evaluate: Evaluate = simulated,
+    ) -> None:
+        self._plan, self._points, self._make_executor = plan, iter(points), make_executor
+        self._most, self._evaluate = AHEAD * workers, evaluate
+        self._lost: list[_Try] = []
+        self._asked: dict[Future[RowResult], _Try] = {}
+
+    def rows(self) -> Iterator[RowResult]:
+        """Yield rows as they come."""
+        over = False
+        while not over:
+            executor = self._make_executor()
+            try:
+                over = yield from self._rows_of(executor)
+            finally:
+                with suppress(BrokenExecutor, OSError):
+                    executor.shutdown(wait=False, cancel_futures=True)
+            self._lost += [one._replace(number=one.number + 1) for one in self._asked.values()]
+            self._asked.clear()
+
+    def _rows_of(self, executor: Executor) -> Generator[RowResult, None, bool]:
+        """Yield the rows of an executor; return whether all are here, or it broke."""
+        while self._hand_out(executor):
+            if not self._asked:
+                return True
+            done, _ = wait(self._asked, timeout=1.0, return_when=FIRST_COMPLETED)
+            broken = False
+            for future in done:
+                one = self._asked.pop(future)
+                try:
+                    yield future.result()
+                except (BrokenExecutor, CancelledError, OSError):
+                    broken = True
+                    if one.number >= ATTEMPTS:
+                        yield RowResult(one.point.row, {}, {}, _ENDED)
+                    else:
+                        self._lost.append(one._replace(number=one.number + 1))
+            if broken:
+                break
+        return False
+
+    def _hand_out(self, executor: Executor) -> bool:
+        """Hand rows out, first those that were lost; return whether the executor takes them."""
+        while len(self._asked) < self._most and (one := self._next()):
+            arguments = self._plan.scenario, one.point, self._plan.columns, self._plan.criteria
+            try:
+                future = executor.submit(evaluate_point, *arguments, self._evaluate)
+            except (BrokenExecutor, RuntimeError):
+                self._lost.insert(0, one)
+                return False
+            self._asked[future] = one
+            if one.number == ATTEMPTS:
+                break
+        return True
+
+    def _next(self) -> _Try | None:
+        """Return what is tried next, if anything may be now: a last try is made alone."""
+        if any(one.number == ATTEMPTS for one in self._asked.values()):
+            return None
+        if self._lost:
+            if self._lost[0].number == ATTEMPTS and self._asked:
+                return None
+            return self._lost.pop(0)
+        point = next(self._points, None)
+        return None if point is None else _Try(point, 1)
+
+
+_ENDED = "the process that evaluates it ended every time. Is there memory enough?"
+
+
+def processes(workers: int) -> ProcessPoolExecutor:
+    """Return an executor of processes of this machine, which end when this one does."""
+    context = get_context("forkserver")
+    context.set_forkserver_preload(["cacc_platoon.sweep.engine"])
+    return ProcessPoolExecutor(workers, context, initializer=_begin_process)
+
+
+def _begin_process() -> None:
+    """Leave Ctrl-C to the process that gives the work, and end with it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
+
+
+def _end_with(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(_WATCH_PERIOD)
+    os._exit(1)
