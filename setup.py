@@ -54,7 +54,8 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
         (f"share/{NAME}/launch", files("launch/*.launch.py")),
-        (f"share/{NAME}/config", files("config/*")),
+        (f"share/{NAME}/config", files("config/*.yaml")),
+        (f"share/{NAME}/config/plans", files("config/plans/*.yaml")),
     ],
     zip_safe=False,  # colcon installs unpacked
     entry_points={"console_scripts": executables},

@@ -155,6 +155,7 @@ def documents(tmp_path_factory, bags):
         "design": [printed("design", "--json", *question) for question in DESIGNS],
         "layouts": [printed("layout", "--json", str(folder / "noisy"))],
         "campaign": [campaign_document(1, TRIALS)],
+        **study(folder / "study"),
         "part": [part(folder / "part")],
         "host_state": [json.loads(state.to_json()) for state in HOST_STATES],
         "event": [
@@ -208,6 +209,18 @@ def printed(*arguments: str) -> dict:
     with contextlib.redirect_stdout(io.StringIO()) as out:
         assert main(arguments) == 0
     return json.loads(out.getvalue())
+
+
+def study(folder: Path) -> dict:
+    """Return what describes a study with a row that fails, a missed criterion and a constant."""
+    folder.mkdir()
+    (folder / "plan.yaml").write_text(
+        "settings: {run.duration: 12.0, platoon.followers: 2}\n"
+        "matrix: {leader.profile: [sine, csv]}\ncriteria: [min_gap > 100]\n"
+    )
+    one = folder / "one"
+    made = printed("sweep", str(folder / "plan.yaml"), "-o", str(one), "--json")
+    return {"summary": [made], "sweep": [json.loads((one / "sweep.json").read_text())]}
 
 
 def part(folder: Path) -> dict:
