@@ -22,8 +22,13 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 CITATION = YAML(typ="safe", pure=True).load(ROOT / "CITATION.cff")
 OLDEST = (ROOT / "test" / "oldest.txt").read_text()
 
-OPTIONAL = {"foxglove": "foxglove-sdk"}
-"""What is imported only where the extra [live] is installed, and its project."""
+OPTIONAL = {
+    "distributed": ("cluster", "distributed"),
+    "foxglove": ("live", "foxglove-sdk"),
+    "pyarrow": ("sweep", "pyarrow"),
+    "scipy": ("sweep", "scipy"),
+}
+"""What is imported only where an extra is installed: which one, and the project there."""
 
 ROSDEP_KEYS = {
     "matplotlib": "python3-matplotlib",
@@ -143,11 +148,12 @@ def test_exec_depends_are_what_the_code_imports():
 def test_pip_requirements_are_what_the_code_imports():
     ros = {name for name in depends("exec_depend") if not name.startswith(("python3-", "ros2"))}
     packages = imported("cacc_platoon", "msg_adapters") - ros - OPTIONAL.keys()
-    live = {project(text) for text in PROJECT["optional-dependencies"]["live"]}
-    assert live == set(OPTIONAL.values())
+    extras = PROJECT["optional-dependencies"]
+    found = {(name, project(text)) for name in extras for text in extras[name]}
+    assert {one for one in found if one[0] not in ("ros", "test")} == set(OPTIONAL.values())
     required = {project(text) for text in PROJECT["dependencies"]}
     assert {"ruamel.yaml" if name == "ruamel" else name for name in packages} == required
-    extra = {project(text) for text in PROJECT["optional-dependencies"]["ros"]}
+    extra = {project(text) for text in extras["ros"]}
     follows_from_rclpy = {"builtin_interfaces", "rcl_interfaces", "rosgraph_msgs"}
     assert extra == {f"ros-jazzy-{name.replace('_', '-')}" for name in ros - follows_from_rclpy}
 

@@ -56,6 +56,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--workers", type=int, metavar="N", help="processes at once (default: one a core)"
     )
+    parser.add_argument(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="evaluate on the workers of this Dask scheduler, e.g. tcp://10.0.0.1:8786",
+    )
     parser.add_argument("--list", action="store_true", help="print the rows and do nothing")
     parser.add_argument("--check", action="store_true", help="exit 3 unless every row passes")
     parser.add_argument(
@@ -73,6 +78,8 @@ def run(options: argparse.Namespace) -> int:
 
     if options.workers is not None and options.workers < 1:
         raise UserError(f"--workers {options.workers} is below 1: nothing would be evaluated.")
+    if options.scheduler and (options.workers or options.backend == "run"):
+        raise UserError("--scheduler: its workers evaluate. Leave --workers and --backend out.")
     plan = load_plan(options.plan, options.set)
     _check_first(plan)
     if options.list:
@@ -122,7 +129,7 @@ def _evaluated(
     plan: Plan, done: Mapping[int, RowResult], folder: Path, options: argparse.Namespace
 ) -> Iterator[RowResult]:
     """Yield the rows that are not there yet, as they come."""
-    from cacc_platoon.sweep.engine import Evaluation, processes  # noqa: PLC0415  (heavy)
+    from cacc_platoon.sweep.engine import Evaluation, Processes  # noqa: PLC0415  (heavy)
     from cacc_platoon.sweep.on_nodes import OnNodes  # noqa: PLC0415
 
     left = [point for point in plan.points() if point.row not in done]
@@ -135,8 +142,13 @@ def _evaluated(
                 plan, left, lambda: ThreadPoolExecutor(1), workers=1, evaluate=nodes
             ).rows()
         return
+    if options.scheduler:
+        from cacc_platoon.sweep.cluster import DaskExecutor  # noqa: PLC0415
+
+        yield from Evaluation(plan, left, lambda: DaskExecutor(options.scheduler)).rows()
+        return
     workers = min(options.workers or os.cpu_count() or 1, len(left))
-    yield from Evaluation(plan, left, lambda: processes(workers), workers=workers).rows()
+    yield from Evaluation(plan, left, lambda: Processes(workers), workers=workers).rows()
 
 
 def _write(folder: Path, plan: Plan, rows: Mapping[int, RowResult], *, parquet: bool) -> None:

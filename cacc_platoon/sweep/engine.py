@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import signal
 import threading
-import time
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import (
     FIRST_COMPLETED,
@@ -18,6 +17,7 @@ from concurrent.futures import (
 )
 from contextlib import suppress
 from multiprocessing import get_context
+from multiprocessing.connection import Connection
 from typing import Any, NamedTuple
 
 from cacc_platoon.errors import UserError, one_line
@@ -31,7 +31,8 @@ ATTEMPTS = 3
 """So often a row is tried whose process ends or whose executor breaks."""
 AHEAD = 4
 """Rows that are handed out for each process at once."""
-_WATCH_PERIOD = 0.5
+LOSSES = (BrokenExecutor, CancelledError, OSError)
+"""What a row ends with that was lost with its process; an executor may name more as `losses`."""
 
 Evaluate = Callable[[Scenario, int], dict[str, Any]]
 """Returns the numbers of the scenario of a row by the names of metrics.json."""
@@ -94,8 +95,8 @@ class Evaluation:
         Which of its rows.
     make_executor : callable
         Makes any executor of `concurrent.futures`.
-    workers : int
-        How many rows it evaluates at once.
+    workers : int, optional
+        How many rows it evaluates at once; by default what it says as its `workers`.
     evaluate : callable, optional
         As of `evaluate_point`; it has to be picklable where processes evaluate.
     """
@@ -106,11 +107,11 @@ class Evaluation:
         points: Iterable[Point],
         make_executor: Callable[[], Executor],
         *,
-        workers: int,
+        workers: int | None = None,
         evaluate: Evaluate = simulated,
     ) -> None:
         self._plan, self._points, self._make_executor = plan, iter(points), make_executor
-        self._most, self._evaluate = AHEAD * workers, evaluate
+        self._workers, self._evaluate = workers, evaluate
         self._lost: list[_Try] = []
         self._asked: dict[Future[RowResult], _Try] = {}
 
@@ -129,6 +130,7 @@ class Evaluation:
 
     def _rows_of(self, executor: Executor) -> Generator[RowResult, None, bool]:
         """Yield the rows of an executor; return whether all are here, or it broke."""
+        losses = (*LOSSES, *getattr(executor, "losses", ()))
         while self._hand_out(executor):
             if not self._asked:
                 return True
@@ -138,7 +140,7 @@ class Evaluation:
                 one = self._asked.pop(future)
                 try:
                     yield future.result()
-                except (BrokenExecutor, CancelledError, OSError):
+                except losses:
                     broken = True
                     if one.number >= ATTEMPTS:
                         yield RowResult(one.point.row, {}, {}, _ENDED)
@@ -150,7 +152,9 @@ class Evaluation:
 
     def _hand_out(self, executor: Executor) -> bool:
         """Hand rows out, first those that were lost; return whether the executor takes them."""
-        while len(self._asked) < self._most and (one := self._next()):
+        workers: Any = self._workers or getattr(executor, "workers", 1)
+        most = AHEAD * workers
+        while len(self._asked) < most and (one := self._next()):
             arguments = self._plan.scenario, one.point, self._plan.columns, self._plan.criteria
             try:
                 future = executor.submit(evaluate_point, *arguments, self._evaluate)
@@ -177,20 +181,33 @@ class Evaluation:
 _ENDED = "the process that evaluates it ended every time. Is there memory enough?"
 
 
-def processes(workers: int) -> ProcessPoolExecutor:
-    """Return an executor of processes of this machine, which end when this one does."""
-    context = get_context("forkserver")
-    context.set_forkserver_preload(["cacc_platoon.sweep.engine"])
-    return ProcessPoolExecutor(workers, context, initializer=_begin_process)
+class Processes(ProcessPoolExecutor):
+    """Processes of this machine, which end when this one does, or needs them no longer.
+
+    Parameters
+    ----------
+    workers : int
+        How many.
+    """
+
+    def __init__(self, workers: int) -> None:
+        context = get_context("forkserver")
+        context.set_forkserver_preload(["cacc_platoon.sweep.engine"])
+        lifeline, self._held = context.Pipe(duplex=False)
+        super().__init__(workers, context, initializer=_begin_process, initargs=(lifeline,))
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """End the processes, in the middle of what they do."""
+        self._held.close()
+        super().shutdown(wait, cancel_futures=cancel_futures)
 
 
-def _begin_process() -> None:
+def _begin_process(lifeline: Connection) -> None:
     """Leave Ctrl-C to the process that gives the work, and end with it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
+    threading.Thread(target=_end_with, args=(lifeline,), daemon=True).start()
 
 
-def _end_with(parent: int) -> None:
-    while os.getppid() == parent:
-        time.sleep(_WATCH_PERIOD)
+def _end_with(lifeline: Connection) -> None:
+    lifeline.poll(None)
     os._exit(1)

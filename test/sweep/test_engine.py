@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from cacc_platoon.errors import UserError
-from cacc_platoon.sweep.engine import Evaluation, evaluate_point, processes
+from cacc_platoon.sweep.engine import Evaluation, Processes, evaluate_point
 from cacc_platoon.sweep.plan import parse_plan
 
 OWN = """
@@ -36,7 +36,7 @@ def test_a_row_that_kills_its_process_is_a_failed_one_and_no_other(tmp_path, mon
     monkeypatch.syspath_prepend(tmp_path)
     own_evaluate = importlib.import_module("own_evaluate")
     evaluation = Evaluation(
-        PLAN, PLAN.points(), lambda: processes(2), workers=2, evaluate=own_evaluate.dies
+        PLAN, PLAN.points(), lambda: Processes(2), workers=2, evaluate=own_evaluate.dies
     )
     rows = sorted(evaluation.rows())
     assert [one.row for one in rows] == [*range(12)]

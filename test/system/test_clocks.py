@@ -117,7 +117,8 @@ def test_a_packet_that_nobody_can_have_sent_ends_the_run(platoon: Start) -> None
     run.publisher(VehicleTopics("/platoon", 2).received)(10**17, 0.1)
     result = run.result()
     assert (result.exit_code, result.status) == (1, "failed")
-    assert "comes from another publisher" in result.message
+    seen = "/platoon/vehicle_2/v2v/accel has 2 publishers: /observer"  # sooner, on a busy machine
+    assert "comes from another publisher" in result.message or seen in result.message
 
 
 def test_every_vehicle_says_on_diagnostics_how_it_does(platoon: Start) -> None:
