@@ -52,12 +52,8 @@ class DaskExecutor(Executor):
                 "--scheduler takes Dask, which is not installed. pip install "
                 "'cacc_platoon[cluster]'."
             ) from error
-        for name in (
-            "distributed",
-            "distributed.client",
-            "tornado",
-        ):  # what it says of lost connections is said by us
-            logging.getLogger(name).setLevel(logging.CRITICAL)
+        for name in ("distributed", "distributed.client", "tornado"):
+            logging.getLogger(name).setLevel(logging.CRITICAL)  # lost connections are expected
         self.losses: tuple[type[Exception], ...] = (KilledWorker,)
         self._client = _connected(Client, address)
         self._executor: Executor = self._client.get_executor(pure=False)
