@@ -16,9 +16,9 @@ from concurrent.futures import (
     wait,
 )
 from contextlib import suppress
-from multiprocessing import get_context
+from multiprocessing import get_context, resource_tracker
 from multiprocessing.connection import Connection
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, ParamSpec, TypeVar
 
 from cacc_platoon.errors import UserError, one_line
 from cacc_platoon.scenario import Scenario
@@ -31,6 +31,9 @@ ATTEMPTS = 3
 """So often a row is tried whose process ends or whose executor breaks."""
 AHEAD = 4
 """Rows that are handed out for each process at once."""
+_STOP = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+Given = ParamSpec("Given")
+Result = TypeVar("Result")
 LOSSES = (BrokenExecutor, CancelledError, OSError)
 """What a row ends with that was lost with its process; an executor may name more as `losses`."""
 
@@ -191,15 +194,26 @@ class Processes(ProcessPoolExecutor):
     """
 
     def __init__(self, workers: int) -> None:
+        resource_tracker.ensure_running()  # unblocks signals, so before they are blocked
         context = get_context("forkserver")
         context.set_forkserver_preload(["cacc_platoon.sweep.engine"])
         lifeline, self._held = context.Pipe(duplex=False)
         super().__init__(workers, context, initializer=_begin_process, initargs=(lifeline,))
 
+    def submit(
+        self, fn: Callable[Given, Result], /, *args: Given.args, **kwargs: Given.kwargs
+    ) -> Future[Result]:
+        """Hand a call to a process, which may be started for it: no signal comes in between."""
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, _STOP)
+        try:
+            return super().submit(fn, *args, **kwargs)
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """End the processes, in the middle of what they do."""
+        """End the processes, in the middle of what they do; that takes no time to wait for."""
         self._held.close()
-        super().shutdown(wait, cancel_futures=cancel_futures)
+        super().shutdown(wait=True, cancel_futures=cancel_futures)
 
 
 def _begin_process(lifeline: Connection) -> None:

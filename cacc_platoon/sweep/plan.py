@@ -31,7 +31,7 @@ MOST_ROWS = 1_000_000
 CHANNEL, DESIGN, SEED, SAMPLE = "channel", "design", "run.seed", "sample"
 """Axes that are no parameter, and the one of seeds."""
 COLUMNS = (
-    *("string_stable", "headline", "l2_gain", "linf_gain", "max_abs_spacing_error[0]"),
+    *("string_stable", "verdict.headline", "l2_gain", "linf_gain", "max_abs_spacing_error[0]"),
     *("max_abs_spacing_error[-1]", "expected.max_abs_spacing_error[0]"),
     *("expected.max_abs_spacing_error[-1]", "max(hop_ratio.max)", "min_gap", "collision", "loss"),
 )

@@ -19,7 +19,7 @@ pytest.importorskip("distributed")
 pytestmark = pytest.mark.slow
 
 PLAN = """
-settings: {run.duration: 30.0, platoon.followers: 4}
+settings: {run.duration: 20.0, platoon.followers: 4}
 matrix: {controller.time_headway: [0.8, 0.95], v2v.rho: [3.0, 5.0, 9.0, 20.0]}
 seeds: [1, 2]
 criteria: [string_stable]

@@ -155,7 +155,7 @@ def test_parquet_is_the_same_table(plan, study):
     found = parquet.read_table(study / "table.parquet").to_pylist()
     for one, row in zip(found, table_of(study), strict=True):
         assert one["min_gap"] == float(row["min_gap"])
-        assert one["headline"] == row["headline"]
+        assert one["verdict.headline"] == row["verdict.headline"]
         assert str(one["string_stable"]).lower() == row["string_stable"]
 
 
