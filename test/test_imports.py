@@ -48,7 +48,7 @@ ROOMS = {
         {*RUNS, "stop_signal", "time_limit", "dds", "stepping", "nodes"}, {"numpy", *ROS}
     ),
     "live": Room({*RUNS, "supervision"}, set(), {"foxglove"}),
-    "sweep": Room({*JUDGED}, {"numpy"}, {"distributed", "pyarrow", "scipy"}),
+    "sweep": Room({*JUDGED, "design"}, {"numpy"}, {"distributed", "pyarrow", "scipy"}),
     "report": Room({*JUDGED, "design", "figures", "notation"}, {"numpy", "ruamel"}, {"matplotlib"}),
     "replay": Room({*JUDGED, "figures"}, {"numpy"}),
     "testing": Room({*RUNS, "dds", "nodes", "supervision"}, {"numpy", *ROS}),

@@ -113,8 +113,8 @@ def _check_first(plan: Plan) -> None:
     from cacc_platoon.sweep.engine import evaluate_point  # noqa: PLC0415  (heavy)
 
     first = next(plan.points())
-    leader = plan.scenario.with_values(first.settings).leader
-    short = {"run.duration": min(leader.start + 1.0, plan.scenario.run.duration)}
+    asked = plan.scenario.run.duration
+    short = {"run.duration": min(first.of(plan.scenario).leader.start + 1.0, asked)}
     tried = evaluate_point(
         plan.scenario,
         first._replace(settings=first.settings | short),

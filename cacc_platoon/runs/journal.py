@@ -138,7 +138,7 @@ class Journal:
                 return  # it is not recorded yet
             for one in waiting:
                 receive(one)
-            due = newest + 1
+            due = max(due, newest + 1)
             waiting.clear()
 
         return follow

@@ -23,7 +23,7 @@ from typing import Any, NamedTuple, ParamSpec, TypeVar
 from cacc_platoon.errors import UserError, one_line
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.sweep.criterion import Criterion, Value
-from cacc_platoon.sweep.evaluate import document_of
+from cacc_platoon.sweep.evaluate import document_of, parameters_of
 from cacc_platoon.sweep.plan import Plan, Point
 from cacc_platoon.sweep.rows import RowResult
 
@@ -67,7 +67,8 @@ def evaluate_point(
         How.
     """
     try:
-        document = evaluate(scenario.with_values(point.settings), point.row)
+        own = point.of(scenario)
+        document = parameters_of(own) | evaluate(own, point.row)
         values = {value.text: value.of(document) for value in columns}
         met = {criterion.text: criterion.holds(document) for criterion in criteria}
     except UserError as error:

@@ -112,6 +112,22 @@ def evaluate(scenario: Scenario) -> Row:
     )
 
 
+def parameters_of(scenario: Scenario) -> dict[str, Any]:
+    """Return the parameters of a scenario by group and name, those that followers share.
+
+    Examples
+    --------
+    >>> from cacc_platoon.scenario import Scenario
+    >>> parameters_of(Scenario())["controller"]["time_headway"]
+    0.95
+    """
+    groups: dict[str, Any] = {}
+    for name, value in scenario.values().items():
+        group, _, own = name.partition(".")
+        groups.setdefault(group, {})[own] = plain_values(value)
+    return groups
+
+
 def document_of(scenario: Scenario) -> dict[str, Any]:
     """Judge and simulate a scenario; return its numbers by the names of metrics.json.
 

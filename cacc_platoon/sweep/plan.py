@@ -24,6 +24,7 @@ from cacc_platoon.scenario.names import vehicle_index
 from cacc_platoon.scenario.table import TABLE
 from cacc_platoon.scenario.yaml_text import YamlTextError, load_yaml
 from cacc_platoon.sweep.criterion import Criterion, Value
+from cacc_platoon.sweep.recommended import NAMES, with_design
 from cacc_platoon.texts import TextError, read_text
 
 FORMAT = Format("a plan", 1)
@@ -93,6 +94,13 @@ class Point(NamedTuple):
     row: int
     labels: dict[str, Any]
     settings: dict[str, Any]
+
+    def of(self, scenario: Scenario) -> Scenario:
+        """Return the row's scenario, made of that of the plan; a recommended design comes last."""
+        settings = dict(self.settings)
+        design = settings.pop(DESIGN, "")
+        made = scenario.with_values(settings)
+        return with_design(made, design) if design else made
 
 
 @dataclass(frozen=True)
@@ -216,7 +224,10 @@ def parse_plan(found: Any, name: str, folder: Path, settings: Sequence[str] = ()
 
 
 def _axes(document: Mapping[str, Any], name: str, folder: Path) -> Iterator[Axis]:
-    if designs := document.get("designs"):
+    designs = document.get("designs")
+    if isinstance(designs, list):
+        yield Axis(DESIGN, tuple(_recommended(one, f"{name}: designs") for one in designs))
+    elif designs:
         own = _group(designs, f"{name}: designs").items()
         yield Axis(DESIGN, tuple(Choice(key, _design(key, one, name, folder)) for key, one in own))
     for parameter, values in _group(document.get("matrix") or {}, f"{name}: matrix").items():
@@ -290,6 +301,13 @@ def _channel(given: Any, where: str) -> Choice:
     if given not in channel_names():
         raise UserError(f"{where}: {given} is no channel. Take {', '.join(channel_names())}.")
     return Choice(given, dict(map(parse_setting, channel_settings(given))))
+
+
+def _recommended(given: Any, where: str) -> Choice:
+    if given not in NAMES:
+        text = one_line(str(given), 80)
+        raise UserError(f"{where}: {text} is none of the recommended ones, {', '.join(NAMES)}.")
+    return Choice(given, {DESIGN: given})
 
 
 def _design(name: str, given: Any, plan: str, folder: Path) -> Mapping[str, Any]:

@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+from cacc_platoon.design import Requirements, paper_design, recommend
 from cacc_platoon.errors import UserError
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.sweep.plan import MOST_ROWS, load_plan, parse_plan
@@ -55,6 +56,14 @@ def test_channels_designs_and_single_vehicles_vary_too(tmp_path):
     assert made.follower(2).gains.time_headway == 1.4
     assert made.follower(3).tau == 0.2
     assert made.follower(3).v2v.loss == 0.1
+
+
+def test_recommended_designs_are_those_of_each_row():
+    plan = plan_of(designs=["paper", "shortest"], matrix={RHO: [5.0, 20.0]})
+    made = [point.of(plan.scenario).follower(1).gains for point in plan.points()]
+    assert made[:2] == [paper_design(rho, 0.5) for rho in (5.0, 20.0)]
+    assert made[2] == recommend(5.0, 0.5, Requirements(hold=True))["shortest"].gains
+    assert made[3].time_headway < made[2].time_headway < made[0].time_headway
 
 
 def test_a_list_can_be_a_value():
@@ -133,6 +142,7 @@ def test_the_fingerprint_is_of_all_that_rows_depend_on():
         ({"seeds": {"from": 1, "count": 0}}, "must be a whole number >= 1"),
         ({"designs": {"mine": {"controller.k": 1.0}}}, "controller.k is no parameter"),
         ({"designs": {"mine": "nowhere.yaml"}}, "nowhere.yaml"),
+        ({"designs": ["best"]}, "best is none of the recommended ones, paper"),
         ({"designs": {"a": {HEADWAY: 1.0}}, "matrix": {HEADWAY: [1.0]}}, "varies twice"),
         ({"random": {"count": 4}}, "over names no parameter"),
         ({"random": {"count": 4, "over": {HEADWAY: [1.0, 1.0]}}}, "is empty"),
@@ -170,4 +180,4 @@ def test_ready_made_plans_can_be_read(path):
     plan = load_plan(path)
     assert 1 < plan.rows <= 2000
     first = next(plan.points())
-    assert isinstance(plan.scenario.with_values(first.settings), Scenario)
+    assert isinstance(first.of(plan.scenario), Scenario)
