@@ -359,6 +359,17 @@ def is_packets(topic: str) -> bool:
     return role is not None and role[1].quantity == "received"
 
 
+def is_count(topic: str) -> bool:
+    """Return whether a topic says how many packets there were up to each sample.
+
+    Examples
+    --------
+    >>> is_count("/platoon/vehicle_3/v2v/complete"), is_count("/platoon/vehicle_3/pose")
+    (True, False)
+    """
+    return topic.endswith("/complete")
+
+
 OUTSIDE_LAG = 500
 """Samples that a subscriber outside of the platoon, whom nobody waits for, may lag without loss."""
 

@@ -25,7 +25,7 @@ from cacc_platoon.bags.rows import Recording
 from cacc_platoon.errors import UserError
 from cacc_platoon.runs.events import bag_events, settle_events
 from cacc_platoon.runs.info import EndStatus, RunInfo
-from cacc_platoon.runs.parts import longest_of
+from cacc_platoon.runs.parts import newest_of
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import format_scenario, load_scenario
 from msg_adapters.topics import Graph, PlatoonTopics, queue_depth
@@ -143,8 +143,7 @@ class RunFolder:
 
     def recording(self) -> Recording:
         """Return what the parts hold, those of hosts that ended too where that is more."""
-        ended = sorted((self.path / ENDED).glob("*"))
-        return longest_of([*sorted(self.parts.glob("*")), *ended])
+        return newest_of(self.parts, self.path / ENDED)
 
     def ended_part(self, part: Path) -> Path:
         """Move the part of a host that ended out of the way of its next one; return where to."""

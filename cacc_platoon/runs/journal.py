@@ -8,6 +8,7 @@ bit, and the record of a vehicle is that of what it used.
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable, Mapping
 from typing import TypeAlias
 
@@ -17,9 +18,6 @@ from msg_adapters.topics import Topic, is_packets
 
 Receive: TypeAlias = Callable[[bytes], object]
 """Takes the CDR bytes of a message."""
-
-AGAIN = 100
-"""So many of the last messages are sent again; of the very last ones nobody knows who has them."""
 
 
 class Journal:
@@ -31,6 +29,9 @@ class Journal:
         What records the messages of each topic that the host records.
     step : int
         Control period [ns].
+    again : int
+        So many of the last messages are sent again, since nobody knows who has them: as many as
+        wait for one who stands still.
     past : Past, optional
         What was recorded before this process was started again; it is recorded anew at once.
 
@@ -40,11 +41,13 @@ class Journal:
         Whether there is a past.
     """
 
-    def __init__(self, record: Mapping[str, Receive], step: int, past: Past | None = None) -> None:
-        self._record, self._step, self._past = record, step, past
+    def __init__(
+        self, record: Mapping[str, Receive], step: int, again: int, past: Past | None = None
+    ) -> None:
+        self._record, self._step, self._again, self._past = record, step, again, past
         self.resumed = past is not None
         self._live_from = -math.inf if past is None else math.inf
-        self._held: list[tuple[Receive, bytes]] = []
+        self._held: deque[tuple[Receive, bytes]] = deque()
         self._followed: list[tuple[str, Receive]] = []
         if past:
             for name, take in record.items():
@@ -67,7 +70,7 @@ class Journal:
             known -= 1
             if known < 0:
                 take(data)
-            elif known >= AGAIN:
+            elif known >= self._again:
                 return
             if self._live_from == math.inf:
                 self._held.append((publish, data))
@@ -77,9 +80,15 @@ class Journal:
         return send
 
     def _sending_packets(self, topic: Topic, publish: Receive) -> Receive:
-        def send(data: bytes) -> None:
+        def send_live(data: bytes) -> None:
             if topic.codec.decode(data)[0] >= self._live_from:
                 publish(data)
+
+        def send(data: bytes) -> None:
+            if self._live_from == math.inf:
+                self._held.append((send_live, data))
+            else:
+                send_live(data)
 
         return send
 
@@ -113,9 +122,9 @@ class Journal:
         """From now on everybody is connected; packets count from a sample on."""
         if self._past:
             self._live_from = sample * self._step
-        for publish, data in self._held:
+        while self._held:
+            publish, data = self._held.popleft()
             publish(data)
-        self._held.clear()
 
     def _completed(self, past: Past, topic: Topic, receive: Receive) -> Receive:
         """Return what hands on every sample: what came since the past is taken from the record."""

@@ -23,6 +23,7 @@ INDEX_FILE = "topics.json"
 FORMAT = Format(f"{INDEX_FILE} of a part", 1)
 _FILE = re.compile(r"\d{1,9}\.cdr")
 _LARGEST_MESSAGE = 1 << 16
+_LOOKS = 20
 
 
 class PartWriter:
@@ -57,7 +58,9 @@ class PartWriter:
             for number, topic in enumerate(topics)
         ]
         index = {"format": FORMAT.version, "run": run, "topics": topics_index}
-        (folder / INDEX_FILE).write_text(json.dumps(index, indent=1))
+        unfinished = folder / f"{INDEX_FILE}.new"  # whoever reads meanwhile finds all of it or none
+        unfinished.write_text(json.dumps(index, indent=1))
+        unfinished.replace(folder / INDEX_FILE)
         self._files = {
             str(entry["name"]): _opened(folder / str(entry["file"]), buffered=buffered)
             for entry in topics_index
@@ -189,6 +192,35 @@ def longest_of(folders: Iterable[Path]) -> dict[str, TopicRows]:
             if name not in found or len(rows.messages) > len(found[name].messages):
                 found[name] = rows
     return found
+
+
+def newest_of(parts: Path, ended: Path) -> dict[str, TopicRows]:
+    """Return of each topic what was recorded last, of hosts that may be started again meanwhile.
+
+    Parameters
+    ----------
+    parts, ended : Path
+        The folder in which hosts record, and that of the parts of hosts that ended, to which parts
+        are moved.
+    """
+    for attempt in range(_LOOKS):
+        # A part that moves is seen in the second folder, if not in the first.
+        found = [*sorted(parts.glob("*")), *sorted(ended.glob("*"), key=_age, reverse=True)]
+        try:
+            records = longest_of(found)
+        except (FileNotFoundError, UserError):
+            if attempt == _LOOKS - 1:
+                raise
+            continue
+        if all(folder.is_dir() for folder in found):
+            break
+    return records
+
+
+def _age(part: Path) -> tuple[int, str]:
+    """Sort parts of hosts that ended by their number, the last part of their names."""
+    number = part.name.rpartition("_")[2]
+    return (int(number) if number.isdecimal() else -1, part.name)
 
 
 class _Entry(NamedTuple):

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from cacc_platoon.bags.rows import TopicRows
-from cacc_platoon.runs.parts import longest_of
+from cacc_platoon.runs.parts import newest_of
 from cacc_platoon.scenario.names import split_vehicle
-from msg_adapters.topics import VehicleTopics, is_packets
+from msg_adapters.topics import VehicleTopics, is_count
 
 
 class Past:
@@ -23,7 +23,7 @@ class Past:
     """
 
     def __init__(self, ended: Path, parts: Path) -> None:
-        self._folders = ended, parts
+        self._folders = parts, ended
         self._records = self._read()
 
     def rows(self, topic: str) -> list[bytes]:
@@ -33,13 +33,14 @@ class Past:
     def count(self, topic: str) -> int:
         """Return how many messages of a topic there are, up to when this was made.
 
-        What a vehicle by a clock says of its samples is cut to those of which all is recorded.
+        What a vehicle by a clock had used at its samples is cut to those of which all is recorded;
+        how it moved follows from the samples before.
         """
         found, vehicle = self._records.get(topic), split_vehicle(topic)
         if found is None:
             return 0
         number = len(found.messages)
-        if vehicle is None or is_packets(topic):
+        if vehicle is None or not is_count(topic):
             return number
         prefix, index, _ = vehicle
         timing = self._records.get(VehicleTopics(prefix, index).timing.name)
@@ -53,7 +54,7 @@ class Past:
         return self._bytes(self._read(), topic, begin, end)
 
     def _read(self) -> dict[str, TopicRows]:
-        return longest_of(part for folder in self._folders for part in sorted(folder.glob("*")))
+        return newest_of(*self._folders)
 
     @staticmethod
     def _bytes(records: Mapping[str, TopicRows], topic: str, begin: int, end: int) -> list[bytes]:

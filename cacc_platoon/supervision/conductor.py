@@ -240,13 +240,13 @@ class Conductor:
         self._crew.poll()
         if (name := self._stopped()) and not self.run.signal:
             self.feed(SignalReceived(name))
+        if (started := self._crew.processes.started()) != self.run.processes:
+            self.feed(HostsStarted(started))
         for ended in self._crew.ended():
             if ended.host not in self.run.ended_processes:
                 self.feed(ended)
         if (trouble := self._crew.trouble()) and trouble not in self.run.refused:
             self.feed(MeansLost(trouble))
-        if (started := self._crew.processes.started()) != self.run.processes:
-            self.feed(HostsStarted(started))
         if self.run.stage is Stage.MATCHING:
             connected = self._node.connected_recorders(self.run.recorded)
             if connected != self.run.connected:

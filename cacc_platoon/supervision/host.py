@@ -29,7 +29,7 @@ from cacc_platoon.supervision.host_session import HostSession
 from cacc_platoon.supervision.log import LOG, log_to_stderr, logging_to
 from cacc_platoon.supervision.participant import start_ros, taking_part
 from cacc_platoon.time_limit import time_limit
-from msg_adapters.topics import Graph
+from msg_adapters.topics import Graph, queue_depth
 
 NODE_CLASSES: dict[NodeKind, type[LeaderNode | VehicleNode | NoiseRelayNode]] = {
     NodeKind.LEADER: LeaderNode,
@@ -88,7 +88,8 @@ def run_host(plan: HostPlan, lifeline: Connection) -> None:
 def _journal(plan: HostPlan, recorder: RecorderNode) -> Journal:
     """Return the journal of a host that may be started again, or was."""
     past = Past(plan.ended, plan.part.parent) if plan.ended else None
-    return Journal(recorder.receivers, plan.scenario.step_ns, past)
+    scenario = plan.scenario
+    return Journal(recorder.receivers, scenario.step_ns, queue_depth(scenario), past)
 
 
 def _resume(journal: Journal, nodes: Iterable[Node]) -> None:

@@ -5,7 +5,7 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 
 from cacc_platoon.runs.folder import ENDED
-from cacc_platoon.runs.journal import AGAIN, Journal
+from cacc_platoon.runs.journal import Journal
 from cacc_platoon.runs.parts import PartWriter
 from cacc_platoon.runs.past import Past
 from cacc_platoon.scenario import Scenario
@@ -17,13 +17,16 @@ STEP = CLOCKED.step_ns
 OWN, BEHIND = GRAPH.vehicles[1], GRAPH.vehicles[2]
 
 
+AGAIN = 100
+
+
 class Process:
     """A host that records one vehicle, whose messages go to the lists `sent` and `got`."""
 
     def __init__(self, folder: Path, past: Past | None = None) -> None:
         topics = [OWN.pose, OWN.timing, OWN.received]
         self.part = PartWriter(folder, topics, buffered=False)
-        self.journal = Journal(self.part.writers, STEP, past)
+        self.journal = Journal(self.part.writers, STEP, AGAIN, past)
         self.sent, self.got = list[bytes](), list[bytes]()
         self.send = self.journal.sending(OWN.pose, self.publish)
         self.receive = self.journal.receiving(OWN.received, self.use)
@@ -91,20 +94,22 @@ def test_the_last_messages_come_again_once_all_are_connected(tmp_path: Path) -> 
 
 
 def test_packets_count_again_from_a_sample_on(tmp_path: Path) -> None:
-    journal = Journal({}, STEP, Past(tmp_path / ENDED, tmp_path / "parts"))
+    journal = Journal({}, STEP, AGAIN, Past(tmp_path / ENDED, tmp_path / "parts"))
     sent: list[bytes] = []
     send = journal.sending(BEHIND.received, sent.append)
     for data in rows(BEHIND.received, range(4)):
         send(data)
+    assert sent == []
     journal.begin(3)
-    for data in rows(BEHIND.received, range(6)):
+    assert sent == rows(BEHIND.received, range(3, 4))
+    for data in rows(BEHIND.received, range(2, 6)):
         send(data)
-    assert sent == rows(BEHIND.received, range(3, 6))
+    assert sent[1:] == rows(BEHIND.received, range(3, 6))
 
 
 def test_what_came_meanwhile_is_taken_from_the_record_of_another_host(tmp_path: Path) -> None:
     past = killed(tmp_path, 4)
-    journal, got = Journal({}, STEP, past), list[bytes]()
+    journal, got = Journal({}, STEP, AGAIN, past), list[bytes]()
     receive = journal.receiving(OWN.pose, got.append)
     journal.resume()
     with closing(PartWriter(tmp_path / "parts" / "host_1", [OWN.pose], buffered=False)) as later:
