@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,18 +20,22 @@ if TYPE_CHECKING:
     from cacc_platoon.analysis.verdict import Verdict
 
 
-def plain_values(value: Any) -> Any:
-    """Return arrays as lists, numpy numbers as Python's, what is not finite as None."""
+def plain_values(value: Any, *, infinite: bool = False) -> Any:
+    """Return arrays as lists, numpy numbers as Python's, what is not finite as None.
+
+    With `infinite`, what is infinite stays as it is.
+    """
+    plain = partial(plain_values, infinite=infinite)
     match value:
         case dict():
-            return {str(key): plain_values(item) for key, item in value.items()}
+            return {str(key): plain(item) for key, item in value.items()}
         case list() | tuple():
-            return [plain_values(item) for item in value]
+            return [plain(item) for item in value]
         case np.ndarray():
-            return plain_values(value.tolist())
+            return plain(value.tolist())
         case np.generic():
-            return plain_values(value.item())
-        case float() if not math.isfinite(value):
+            return plain(value.item())
+        case float() if math.isnan(value) or not (infinite or math.isfinite(value)):
             return None
     return value
 

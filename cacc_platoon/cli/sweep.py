@@ -7,6 +7,8 @@ What is computed is written down row by row: the same command goes on where it w
 from __future__ import annotations
 
 import argparse
+import contextlib
+import importlib.util
 import json
 import os
 import re
@@ -21,12 +23,21 @@ from cacc_platoon.cli.exit_codes import DONE, NOT_STRING_STABLE
 from cacc_platoon.cli.progress import ProgressLine
 from cacc_platoon.cli.ros import require_ros
 from cacc_platoon.errors import UserError, printable
+from cacc_platoon.sweep.criterion import BeyondListError
 
 if TYPE_CHECKING:
     from cacc_platoon.figures.style import Axes
     from cacc_platoon.sweep.maps import Map
     from cacc_platoon.sweep.plan import Plan
     from cacc_platoon.sweep.rows import RowResult
+
+
+RUN_ONLY = (
+    *("headline", "worst_braking", "proven", "standing", "age_margins", "events", "noise"),
+    *("ensemble", "distance", "consistency", "leader_consistency", "link_consistency"),
+    *("findings", "provenance"),
+)
+"""What metrics.json of a run on nodes has beyond what a simulated row has."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -72,16 +83,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Plan, evaluate what is not there yet, write the table, judge."""
+    _check_outputs(options)
     from cacc_platoon.sweep.folder import open_study  # noqa: PLC0415  (heavy)
     from cacc_platoon.sweep.plan import load_plan  # noqa: PLC0415
     from cacc_platoon.sweep.table import junit, place, summary, told  # noqa: PLC0415
 
-    if options.workers is not None and options.workers < 1:
-        raise UserError(f"--workers {options.workers} is below 1: nothing would be evaluated.")
-    if options.scheduler and (options.workers or options.backend == "run"):
-        raise UserError("--scheduler: its workers evaluate. Leave --workers and --backend out.")
     plan = load_plan(options.plan, options.set)
-    _check_first(plan)
+    _check_names(plan, options.backend)
     if options.list:
         for point in plan.points():
             print(printable(place(point)))
@@ -108,32 +116,54 @@ def run(options: argparse.Namespace) -> int:
     return NOT_STRING_STABLE if options.check and not passed else DONE
 
 
-def _check_first(plan: Plan) -> None:
-    """Evaluate the first row of a short run, so that a misspelt name is told before it all."""
-    from cacc_platoon.sweep.engine import evaluate_point  # noqa: PLC0415  (heavy)
+def _check_outputs(options: argparse.Namespace) -> None:
+    """Refuse what cannot be done before anything is evaluated."""
+    if options.workers is not None and options.workers < 1:
+        raise UserError(f"--workers {options.workers} is below 1: nothing would be evaluated.")
+    if options.scheduler and (options.workers or options.backend == "run"):
+        raise UserError("--scheduler: its workers evaluate. Leave --workers and --backend out.")
+    if options.workers and options.backend == "run":
+        raise UserError("--workers: platoons on nodes run one after the other. Leave it out.")
+    if options.junit and not options.junit.parent.is_dir():
+        raise UserError(f"--junit {options.junit}: there is no folder {options.junit.parent}.")
+    if options.parquet and not importlib.util.find_spec("pyarrow"):
+        raise UserError(
+            "--parquet takes pyarrow, which is not installed. pip install 'cacc_platoon[sweep]', "
+            "or leave it out: table.csv has the same."
+        )
 
-    first = next(plan.points())
-    asked = plan.scenario.run.duration
-    short = {"run.duration": min(first.of(plan.scenario).leader.start + 1.0, asked)}
-    tried = evaluate_point(
-        plan.scenario,
-        first._replace(settings=first.settings | short),
-        plan.columns,
-        plan.criteria,
-    )
-    if tried.failed:
-        raise UserError(f"{plan.name}: {tried.failed}")
+
+def _check_names(plan: Plan, backend: str) -> None:
+    """Refuse names that no row has, by those of a short run."""
+    from cacc_platoon.scenario import Scenario  # noqa: PLC0415  (heavy)
+    from cacc_platoon.sweep.evaluate import document_of, parameters_of  # noqa: PLC0415
+
+    short = {"run.duration": 11.0, "platoon.followers": plan.scenario.platoon.followers}
+    document = parameters_of(plan.scenario) | document_of(Scenario.from_values(short))
+    unknown = () if backend == "simulate" else RUN_ONLY
+    try:
+        for value in plan.columns:
+            if value.path[0] not in unknown:
+                value.check(document)
+        for criterion in plan.criteria:
+            with contextlib.suppress(BeyondListError):
+                if criterion.value.path[0] not in unknown:
+                    criterion.holds(document)
+    except UserError as error:
+        raise UserError(f"{plan.name}: {error}") from error
 
 
 def _evaluated(
     plan: Plan, done: Mapping[int, RowResult], folder: Path, options: argparse.Namespace
 ) -> Iterator[RowResult]:
     """Yield the rows that are not there yet, as they come."""
-    from cacc_platoon.sweep.engine import Evaluation, Processes  # noqa: PLC0415  (heavy)
+    from cacc_platoon.sweep.engine import ENDED, Evaluation, Processes  # noqa: PLC0415  (heavy)
     from cacc_platoon.sweep.on_nodes import OnNodes  # noqa: PLC0415
 
-    left = [point for point in plan.points() if point.row not in done]
-    if not left:
+    there = {row for row, one in done.items() if one.failed != ENDED}
+    left = (point for point in plan.points() if point.row not in there)
+    missing = plan.rows - len(there)
+    if not missing:
         return
     if options.backend == "run":
         require_ros("sweep --backend run", "platoon sweep without it computes in arrays")
@@ -147,7 +177,7 @@ def _evaluated(
 
         yield from Evaluation(plan, left, lambda: DaskExecutor(options.scheduler)).rows()
         return
-    workers = min(options.workers or os.cpu_count() or 1, len(left))
+    workers = min(options.workers or os.cpu_count() or 1, missing)
     yield from Evaluation(plan, left, lambda: Processes(workers), workers=workers).rows()
 
 
@@ -178,7 +208,7 @@ def _drawn(one: Map) -> str:
     shown = f"share of rows: {one.name}" if one.share else one.name
     if one.over:
         shown += f"\n(mean over {', '.join(one.over)})"
-    places = [axis.places for axis in one.axes]
+    places = [sorted(axis.places) for axis in one.axes]
     names = [axis.name for axis in one.axes]
 
     def draw(axes: Axes) -> None:

@@ -27,6 +27,10 @@ _CRITERION = re.compile(r"(not\s+)?(.+?)\s*(?:(<=|>=|==|!=|<|>)\s*(\S+))?")
 _MOST_TEXT, _SHOWN = 200, 12
 
 
+class BeyondListError(UserError):
+    """A list of a document is shorter than the place that is asked for."""
+
+
 class Value(NamedTuple):
     """A number or truth value of a row.
 
@@ -37,7 +41,7 @@ class Value(NamedTuple):
     path : tuple of str or int
         Keys and places of metrics.json; what is not at its top is looked for in the verdict.
     over : str
-        "max" or "min" of a list, empty for a value.
+        "max" or "min" of a list, empty for a value; unknown where anything in the list is.
 
     Examples
     --------
@@ -70,8 +74,21 @@ class Value(NamedTuple):
         path = tuple(key or int(place) for key, place in steps)
         return cls(text.strip(), path, found[1] or "")
 
+    def check(self, document: Mapping[str, Any]) -> None:
+        """Refuse a name that no such document has; places in a list may differ from row to row.
+
+        Raises
+        ------
+        UserError
+            When it is none.
+        """
+        try:
+            self.of(document)
+        except BeyondListError:
+            return
+
     def of(self, document: Mapping[str, Any]) -> Any:
-        """Return the value in a document with the names of metrics.json.
+        """Return the value in a document with the names of metrics.json, None where it is unknown.
 
         Raises
         ------
@@ -82,18 +99,22 @@ class Value(NamedTuple):
         if self.path[0] not in document and self.path[0] in document.get("verdict", ()):
             found = document["verdict"]
         for step in self.path:
+            if found is None:
+                return None
             try:
                 found = found[step]
-            except (KeyError, IndexError, TypeError) as error:
+            except IndexError as error:
+                text = f"{self.text}: place {step} is beyond a list of {len(found)}."
+                raise BeyondListError(text) from error
+            except (KeyError, TypeError) as error:
                 raise UserError(f"{self.text}: {_lacking(found, step)}.") from error
-        if not self.over:
+        if not self.over or found is None:
             return found
-        numbers = [one for one in found if one is not None] if isinstance(found, list) else []
-        if not all(isinstance(one, (int, float)) for one in numbers):
-            raise UserError(f"{self.text}: that is no list of numbers.")
         if not isinstance(found, list):
             raise UserError(f"{self.text}: that is no list. Leave {self.over} out.")
-        return _OVER_LISTS[self.over](numbers) if numbers else None
+        if not all(one is None or type(one) in (int, float) for one in found):
+            raise UserError(f"{self.text}: that is no list of numbers.")
+        return _OVER_LISTS[self.over](found) if found and None not in found else None
 
 
 def _lacking(found: Any, step: str | int) -> str:
@@ -104,8 +125,6 @@ def _lacking(found: Any, step: str | int) -> str:
             some = near or [*found][:_SHOWN]
             more = "" if len(some) == len(found) else " and others"
             return f"there is no {step} among {', '.join(some)}{more}"
-        case list(), int():
-            return f"place {step} is beyond a list of {len(found)}"
         case list(), _:
             return f"{step} is looked for in a list. Give a place, such as [-1], or max(...)"
     return f"{step} is looked for in a single value"

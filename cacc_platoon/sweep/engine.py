@@ -34,6 +34,8 @@ AHEAD = 4
 _STOP = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 Given = ParamSpec("Given")
 Result = TypeVar("Result")
+ENDED = "the process that evaluates it ended every time. Is there memory enough?"
+"""Why a row failed that is tried anew when its study goes on."""
 LOSSES = (BrokenExecutor, CancelledError, OSError)
 """What a row ends with that was lost with its process; an executor may name more as `losses`."""
 
@@ -73,7 +75,7 @@ def evaluate_point(
         met = {criterion.text: criterion.holds(document) for criterion in criteria}
     except UserError as error:
         return RowResult(point.row, {}, {}, str(error))
-    except (ArithmeticError, ValueError, MemoryError) as error:
+    except (ArithmeticError, ValueError, MemoryError, OSError) as error:
         return RowResult(point.row, {}, {}, one_line(f"{type(error).__name__}: {error}", 300))
     return RowResult(point.row, values, met)
 
@@ -117,6 +119,7 @@ class Evaluation:
         self._plan, self._points, self._make_executor = plan, iter(points), make_executor
         self._workers, self._evaluate = workers, evaluate
         self._lost: list[_Try] = []
+        self._suspect = True
         self._asked: dict[Future[RowResult], _Try] = {}
 
     def rows(self) -> Iterator[RowResult]:
@@ -129,7 +132,7 @@ class Evaluation:
             finally:
                 with suppress(BrokenExecutor, OSError):
                     executor.shutdown(wait=False, cancel_futures=True)
-            self._lost += [one._replace(number=one.number + 1) for one in self._asked.values()]
+            self._lost += [self._again(one) for one in self._asked.values()]
             self._asked.clear()
 
     def _rows_of(self, executor: Executor) -> Generator[RowResult, None, bool]:
@@ -144,15 +147,20 @@ class Evaluation:
                 one = self._asked.pop(future)
                 try:
                     yield future.result()
-                except losses:
+                except losses as error:
                     broken = True
-                    if one.number >= ATTEMPTS:
-                        yield RowResult(one.point.row, {}, {}, _ENDED)
+                    self._suspect = not isinstance(error, CancelledError)
+                    if self._suspect and one.number >= ATTEMPTS:
+                        yield RowResult(one.point.row, {}, {}, ENDED)
                     else:
-                        self._lost.append(one._replace(number=one.number + 1))
+                        self._lost.append(self._again(one))
             if broken:
                 break
         return False
+
+    def _again(self, one: _Try) -> _Try:
+        """Return the next try of a row, which counts where a row may be what broke the executor."""
+        return one._replace(number=one.number + 1) if self._suspect else one
 
     def _hand_out(self, executor: Executor) -> bool:
         """Hand rows out, first those that were lost; return whether the executor takes them."""
@@ -180,9 +188,6 @@ class Evaluation:
             return self._lost.pop(0)
         point = next(self._points, None)
         return None if point is None else _Try(point, 1)
-
-
-_ENDED = "the process that evaluates it ended every time. Is there memory enough?"
 
 
 class Processes(ProcessPoolExecutor):

@@ -132,7 +132,7 @@ def document_of(scenario: Scenario) -> dict[str, Any]:
     """Judge and simulate a scenario; return its numbers by the names of metrics.json.
 
     Those of the run of its seed, of the mean system under `expected`, of the verdict under
-    `verdict`; what is not finite is None.
+    `verdict`; what is no number is None.
 
     Examples
     --------
@@ -147,6 +147,7 @@ def document_of(scenario: Scenario) -> dict[str, Any]:
             **run_document(run),
             "expected": run_document(mean),
             "verdict": verdict_document(verdict),
-        }
+        },
+        infinite=True,
     )
     return document

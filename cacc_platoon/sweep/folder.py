@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from cacc_platoon import __version__
 from cacc_platoon.errors import UserError
 from cacc_platoon.formats import Format
+from cacc_platoon.runs.folder import versions
 from cacc_platoon.sweep.plan import Plan
 from cacc_platoon.sweep.rows import ROWS_FILE, RowsFile
 from cacc_platoon.texts import TextError, read_json
@@ -40,11 +40,13 @@ def open_study(folder: Path, plan: Plan, backend: str) -> RowsFile:
         "rows": plan.rows,
         "backend": backend,
         "fingerprint": plan.fingerprint,
-        "version": __version__,
+        "versions": {name: versions()[name] for name in ("cacc_platoon", "numpy")},
     }
-    if not folder.exists() or not any(folder.iterdir()):
+    unfinished = folder / f"{STUDY_FILE}.new"
+    if not folder.exists() or {*folder.iterdir()} <= {unfinished}:
         folder.mkdir(parents=True, exist_ok=True)
-        file.write_text(json.dumps(described, indent=1), encoding="utf-8")
+        unfinished.write_text(json.dumps(described, indent=1), encoding="utf-8")
+        unfinished.replace(file)
     elif (found := _read(file)) != described:
         differs = [key for key, value in described.items() if found.get(key) != value]
         raise UserError(

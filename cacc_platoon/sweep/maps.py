@@ -22,7 +22,8 @@ class Map(NamedTuple):
     axes : tuple of Axis
         One or two of those of the plan.
     values : ndarray, shape of the axes
-        Means over whatever else varies; NaN where no row has a value.
+        Means over whatever else varies, the places of each axis in ascending order; NaN where
+        any row has none.
     share : bool
         Whether they are shares of rows in which something is true.
     over : tuple of str
@@ -55,11 +56,10 @@ def maps(plan: Plan, rows: Mapping[int, RowResult]) -> Iterator[Map]:
     for name, share, values in _values(plan, rows):
         grid = np.reshape(values, shape)
         summed = tuple(number for number in range(len(shape)) if number not in kept)
-        known = np.isfinite(grid)
         with np.errstate(all="ignore"):
-            mean = np.where(known, grid, 0.0).sum(axis=summed) / known.sum(axis=summed)
-        if kept != sorted(kept):
-            mean = mean.T
+            mean = grid.mean(axis=summed)
+        for axis, number in enumerate(kept):  # which are in the order of the plan
+            mean = np.take(mean, np.argsort(plan.axes[number].places), axis=axis)
         if np.unique(mean[np.isfinite(mean)]).size > 1:
             yield Map(name, tuple(chosen), mean, share, over)
 

@@ -2,21 +2,33 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
 from cacc_platoon.errors import UserError
+from cacc_platoon.runs.info import EndStatus, RunInfo
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import format_scenario
 from cacc_platoon.texts import TextError, read_json
 
 PATIENCE = 30.0
 """How long a run that is stopped may take to write its bag [s]."""
+
+
+_RUN = """
+import ctypes, os, signal, sys
+ctypes.CDLL(None).prctl(1, signal.SIGTERM)  # PR_SET_PDEATHSIG: it ends when its study does
+if os.getppid() != int(sys.argv[1]):
+    sys.exit(1)
+os.execv(sys.executable, [sys.executable, "-m", "cacc_platoon", *sys.argv[2:]])
+"""
 
 
 class OnNodes:
@@ -59,11 +71,12 @@ class OnNodes:
             When it fails; its last line says why.
         """
         run = self._folder / f"{row}"
+        _wait_end(run)
         shutil.rmtree(run, ignore_errors=True)
         self._folder.mkdir(parents=True, exist_ok=True)
         file = self._folder / f"{row}.yaml"
         file.write_text(format_scenario(scenario), encoding="utf-8")
-        command = [sys.executable, "-m", "cacc_platoon", "run", str(file), "-o", str(run)]
+        command = [sys.executable, "-c", _RUN, f"{os.getpid()}", "run", str(file), "-o", str(run)]
         with subprocess.Popen(
             command,
             stdin=subprocess.DEVNULL,
@@ -84,3 +97,17 @@ class OnNodes:
         if not isinstance(found, dict):
             raise UserError(f"{run / 'metrics.json'}: holds no numbers. Look at {run}.")
         return found
+
+
+def _wait_end(run: Path) -> None:
+    """Wait for a run of a study that was killed, which ends with it and closes its bag."""
+    deadline = time.monotonic() + PATIENCE
+    while _goes_on(run) and time.monotonic() < deadline:
+        time.sleep(0.1)
+
+
+def _goes_on(run: Path) -> bool:
+    info = RunInfo.read(run) if run.is_dir() else None
+    if info is None or info.status is not EndStatus.RUNNING or not info.pid:
+        return False
+    return Path(f"/proc/{info.pid}/exe").exists()

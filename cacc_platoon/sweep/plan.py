@@ -21,6 +21,7 @@ from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.channel_presets import channel_names, channel_settings
 from cacc_platoon.scenario.file import load_scenario, parse_setting
 from cacc_platoon.scenario.names import vehicle_index
+from cacc_platoon.scenario.plugin import source_of
 from cacc_platoon.scenario.table import TABLE
 from cacc_platoon.scenario.yaml_text import YamlTextError, load_yaml
 from cacc_platoon.sweep.criterion import Criterion, Value
@@ -42,6 +43,8 @@ _KEYS = (
     *("criteria", "columns"),
 )
 _DIGITS = 12
+_OWN_CODE = ("controller.law", "v2v.channel", "v2v.receiver")
+"""Parameters that name code of the user's own."""
 
 
 class Choice(NamedTuple):
@@ -155,10 +158,24 @@ class Plan:
             "scenario": self.scenario.values(),
             "overrides": {f"{index}": own for index, own in self.scenario.overrides.items()},
             "axes": [[axis.name, [list(choice) for choice in axis.choices]] for axis in self.axes],
+            "own_code": _own_code(self),
             "columns": [value.text for value in self.columns],
             "criteria": [criterion.text for criterion in self.criteria],
         }
         return hashlib.sha256(json.dumps(described, default=str).encode()).hexdigest()
+
+
+def _own_code(plan: Plan) -> list[str]:
+    """Return the texts of modules of the user's own that rows may run."""
+    settings = [choice.settings for axis in plan.axes for choice in axis.choices]
+    values = [plan.scenario.values(), *plan.scenario.overrides.values(), *settings]
+    named = {
+        str(value).partition(":")[0]
+        for one in values
+        for key, value in one.items()
+        if key.endswith(_OWN_CODE) and value
+    }
+    return [source_of(module) for module in sorted(named)]
 
 
 def load_plan(path: Path, settings: Sequence[str] = ()) -> Plan:
@@ -217,15 +234,29 @@ def parse_plan(found: Any, name: str, folder: Path, settings: Sequence[str] = ()
             f"{name}: has {plan.rows} rows, more than {MOST_ROWS}, which no table holds. Let less "
             "vary at once, or draw a random design."
         )
-    names = [name for axis in plan.axes for name in sorted(axis.choices[0].settings)]
-    if doubled := {one for one in names if names.count(one) > 1}:
-        raise UserError(f"{name}: {sorted(doubled)[0]} varies twice. Take it out of one of them.")
+    _check_overlap(plan, fixed)
     return plan
+
+
+def _check_overlap(plan: Plan, fixed: Mapping[str, Any]) -> None:
+    """Refuse a parameter that two axes set, or that is fixed and varies: one would do nothing."""
+    names = [sorted({key for one in axis.choices for key in one.settings}) for axis in plan.axes]
+    found = [key for own in names for key in own]
+    if doubled := sorted({one for one in found if found.count(one) > 1}):
+        raise UserError(f"{plan.name}: {doubled[0]} varies twice. Take it out of one of them.")
+    for axis, own in zip(plan.axes, names, strict=True):
+        both = [key for key in own if key in fixed]
+        if both and axis.name not in (CHANNEL, DESIGN):
+            raise UserError(
+                f"{plan.name}: {both[0]} varies, and is set to {fixed[both[0]]} for all rows. Take "
+                "it out of one of them."
+            )
 
 
 def _axes(document: Mapping[str, Any], name: str, folder: Path) -> Iterator[Axis]:
     designs = document.get("designs")
     if isinstance(designs, list):
+        _check_doubles(designs, f"{name}: designs")
         yield Axis(DESIGN, tuple(_recommended(one, f"{name}: designs") for one in designs))
     elif designs:
         own = _group(designs, f"{name}: designs").items()
@@ -233,7 +264,9 @@ def _axes(document: Mapping[str, Any], name: str, folder: Path) -> Iterator[Axis
     for parameter, values in _group(document.get("matrix") or {}, f"{name}: matrix").items():
         where = f"{name}: matrix: {parameter}"
         if parameter == CHANNEL:
-            yield Axis(CHANNEL, tuple(_channel(one, where) for one in _several(values, where)))
+            channels = tuple(_channel(one, where) for one in _several(values, where))
+            _check_doubles([channel.label for channel in channels], where)
+            yield Axis(CHANNEL, channels)
         else:
             yield _parameter_axis(parameter, _places(values, where), where)
     if drawn := document.get("random"):
@@ -245,16 +278,20 @@ def _axes(document: Mapping[str, Any], name: str, folder: Path) -> Iterator[Axis
 def _parameter_axis(parameter: str, values: Sequence[Any], where: str) -> Axis:
     for value in values:
         _check_value(parameter, value, where)
-    labels = [tuple(value) if isinstance(value, list) else value for value in values]
-    if len({repr(label) for label in labels}) < len(labels):
-        raise UserError(f"{where}: has a value twice, and so rows twice. Leave one out.")
+    _check_doubles(values, where)
     return Axis(
         parameter,
         tuple(
-            Choice(str(list(label)) if isinstance(label, tuple) else label, {parameter: value})
-            for label, value in zip(labels, values, strict=True)
+            Choice(str(value) if isinstance(value, list) else value, {parameter: value})
+            for value in values
         ),
     )
+
+
+def _check_doubles(values: Sequence[Any], where: str) -> None:
+    seen = sorted(map(str, (float(v) if type(v) is int else v for v in values)))
+    if any(one == other for one, other in itertools.pairwise(seen)):
+        raise UserError(f"{where}: has a value twice, and so rows twice. Leave one out.")
 
 
 def _check_value(parameter: str, value: Any, where: str) -> None:
@@ -328,7 +365,8 @@ _METHODS = {"latin_hypercube": "LatinHypercube", "sobol": "Sobol"}
 
 def _random_axis(given: Mapping[str, Any], where: str) -> Axis:
     """Draw places with little left empty between them, by scipy.stats.qmc."""
-    method, count = given.get("method", "latin_hypercube"), given.get("count")
+    method = _text(given.get("method", "latin_hypercube"), f"{where}: method")
+    count = given.get("count")
     if method not in _METHODS:
         raise UserError(f"{where}: method = {method} must be one of {', '.join(_METHODS)}.")
     number, seed = _count(count, f"{where}: count"), _count(given.get("seed", 1), where, least=0)

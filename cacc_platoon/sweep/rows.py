@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
 from collections.abc import Mapping
 from io import BufferedRandom
@@ -42,8 +43,7 @@ class RowResult(NamedTuple):
     def to_json(self) -> str:
         """Return the row as a line."""
         return json.dumps(
-            {"row": self.row, "values": self.values, "met": self.met, "failed": self.failed},
-            allow_nan=False,
+            {"row": self.row, "values": self.values, "met": self.met, "failed": self.failed}
         )
 
     @classmethod
@@ -80,12 +80,20 @@ class RowsFile:
     Raises
     ------
     UserError
-        When a line that is whole is no row.
+        When a line that is whole is no row, or another process writes to it.
     """
 
     def __init__(self, path: Path) -> None:
         path.touch()
         self._file: BufferedRandom = path.open("r+b")
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            self._file.close()
+            raise UserError(
+                f"{path.parent}: another process evaluates this study, and rows of both would be "
+                "lost. Wait for it, or choose another folder with -o."
+            ) from error
         self.rows: dict[int, RowResult] = {}
         kept = 0
         for number, line in enumerate(self._file, start=1):

@@ -15,6 +15,7 @@ from cacc_platoon.sweep.plan import Plan, Point
 from cacc_platoon.sweep.rows import RowResult
 
 SUMMARY_FORMAT = Format("summary.json of a study", 1)
+_SHOWN = 3
 MOST_NAMED = 20
 """So many failed rows are named in a summary."""
 
@@ -144,13 +145,15 @@ def told(plan: Plan, rows: Mapping[int, RowResult]) -> Iterator[str]:
     )
     texts = [*found["columns"], *(criterion.text for criterion in plan.criteria)]
     wide = max(map(len, texts))
-    points = {point.row: point for point in plan.points()}
+    named = {failure["row"] for failure in found["failures"][:_SHOWN]}
+    named |= {one["missed"][0] for one in found["criteria"] if one["missed"]}
+    points = {point.row: point for point in plan.points() if point.row in named}
     for criterion in found["criteria"]:
         line = f"  {criterion['text']:{wide}} met by {criterion['met']}"
         if criterion["missed"]:
             line += f"; not by row {place(points[criterion['missed'][0]])}"
         yield line
-    for failure in found["failures"][:3]:
+    for failure in found["failures"][:_SHOWN]:
         yield f"  failed: row {place(points[failure['row']])}: {failure['reason']}"
     for name, span in found["columns"].items():
         if "min" in span and span["min"] == span["max"]:

@@ -176,6 +176,37 @@ def test_rows_can_be_listed_and_a_misspelt_name_is_told_before_anything(plan, tm
     assert "--workers 0 is below 1" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "settings: {run.step: 0.03, run.duration: 15.0, platoon.followers: 2}\nseeds: [1]\n",
+        "settings: {run.duration: 15.0, run.timeline: [14 link_1 v2v.loss=1]}\nseeds: [1]\n",
+        "settings: {run.duration: 15.0}\nmatrix: {run.step: [0.07, 0.1]}\n",
+        "seeds: [1]\nsettings: {run.duration: 12.0}\ncriteria: ['first_collision.time > 5']\n",
+        "seeds: [1]\nsettings: {run.duration: 12.0}\ncriteria: ['monitor[0].alarms < 1']\n",
+    ],
+)
+def test_what_a_short_run_cannot_show_is_no_reason_to_refuse_a_plan(tmp_path, text):
+    (tmp_path / "plan.yaml").write_text(text)
+    assert main(["sweep", str(tmp_path / "plan.yaml"), "--list"]) == 0
+
+
+def test_what_cannot_be_written_is_refused_first(plan, tmp_path, capsys):
+    folder = tmp_path / "study"
+    junit = str(tmp_path / "nowhere" / "x.xml")
+    for more, words in (
+        (["--junit", junit], "there is no folder"),
+        (["--workers", "2", "--backend", "run"], "one after the other"),
+        (["--set", "run.seed=7"], "run.seed varies, and is set to 7 for all rows"),
+    ):
+        assert main(["sweep", str(plan), "-o", str(folder), *more]) == 2
+        assert words in capsys.readouterr().err
+    assert not folder.exists()
+    folder.mkdir()
+    (folder / "sweep.json.new").write_text("")  # a process was killed there
+    assert main(["sweep", str(plan), "-o", str(folder), "--set", "run.duration=11"]) == 0
+
+
 def test_a_row_that_cannot_be_is_a_row_with_its_reason(tmp_path, capsys):
     file = tmp_path / "plan.yaml"
     file.write_text(

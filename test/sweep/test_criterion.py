@@ -10,6 +10,7 @@ DOCUMENT = {
     "max_abs_spacing_error": [3.0, 1.5],
     "hop_ratio": {"max": [1.0, None, 0.5], "l2": []},
     "collision": False,
+    "min_time_to_collision": float("inf"),
     "first_collision": None,
     "verdict": {"string_stable": True, "headline": "STRING STABLE", "paper": {"basis": "x"}},
 }
@@ -31,8 +32,12 @@ DOCUMENT = {
         ("max_abs_spacing_error[-1] < 1.6", True),
         ("max_abs_spacing_error[0] <= -inf", False),
         ("max(max_abs_spacing_error) < 3", False),
-        ("min( hop_ratio.max ) == 0.5", True),
         ("max(hop_ratio.l2) < 9", False),  # an empty list has no largest
+        ("max(hop_ratio.max) < 9", False),  # nor one in which something is unknown
+        ("min(max_abs_spacing_error) == 1.5", True),
+        ("first_collision.time > 5", False),
+        ("not first_collision.time > 5", False),
+        ("min_time_to_collision > 2", True),
         ("first_collision", False),  # what is unknown is no answer
         ("not first_collision", False),
         ("first_collision > 0", False),

@@ -108,6 +108,17 @@ def test_the_fingerprint_is_of_all_that_rows_depend_on():
     assert plan_of(**base).fingerprint == prints[0]
 
 
+def test_the_fingerprint_is_of_code_of_ones_own_too(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    prints = []
+    for text in ("x = 1", "x = 2"):
+        (tmp_path / "own_law_of_a_plan.py").write_text(text)
+        for name in ("own_law_of_a_plan:Law", ""):
+            plan = plan_of(matrix={"controller.law": [name, "numpy:array"]})
+            prints.append(plan.fingerprint)
+    assert len(set(prints)) == 3
+
+
 @pytest.mark.parametrize(
     ("document", "words"),
     [
@@ -148,6 +159,25 @@ def test_the_fingerprint_is_of_all_that_rows_depend_on():
         ({"random": {"count": 4, "over": {HEADWAY: [1.0, 1.0]}}}, "is empty"),
         ({"random": {"count": 4, "over": {HEADWAY: 1.0}}}, "is no interval"),
         ({"random": {"count": 4, "over": {HEADWAY: [-1.0, 1.0]}}}, "must be > 0"),
+        ({"matrix": {HEADWAY: [1, 1.0]}}, "has a value twice"),
+        ({"matrix": {"channel": ["cam", "cam"]}}, "has a value twice"),
+        ({"designs": ["paper", "paper"]}, "has a value twice"),
+        (
+            {
+                "designs": {"x": {"controller.k_v": 0.7}, "y": {HEADWAY: 1.3}},
+                "matrix": {HEADWAY: [0.9, 1.0]},
+            },
+            "time_headway varies twice",
+        ),
+        (
+            {"matrix": {"channel": ["attacked"], "v2v.false_data": [[], ["1 2 factor=2"]]}},
+            "v2v.false_data varies twice",
+        ),
+        (
+            {"settings": {HEADWAY: 1.0}, "matrix": {HEADWAY: [0.9, 1.0]}},
+            "varies, and is set to 1.0 for all rows",
+        ),
+        ({"random": {"method": ["sobol"], "count": 4, "over": {}}}, "is no text"),
         ({"random": {"method": "halton", "count": 4, "over": {}}}, "must be one of"),
         (
             {"random": {"method": "sobol", "count": 5, "over": {HEADWAY: [0.9, 1.0]}}},

@@ -39,6 +39,15 @@ def test_wherever_it_was_cut_whole_rows_are_kept_and_it_goes_on(tmp_path):
         assert (tmp_path / "rows").read_bytes() == whole
 
 
+def test_two_processes_do_not_write_to_one_study(tmp_path):
+    with RowsFile(tmp_path / "rows"), pytest.raises(UserError, match="another process"):
+        RowsFile(tmp_path / "rows")
+    with RowsFile(tmp_path / "rows") as file:
+        file.add(result(0, math.inf))
+    with RowsFile(tmp_path / "rows") as file:
+        assert file.rows[0].values["min_gap"] == math.inf
+
+
 @pytest.mark.parametrize("line", ["nothing", "{}", "[1]", '{"row": 1}', "\x00"])
 def test_a_damaged_line_is_named(tmp_path, line):
     (tmp_path / "rows").write_text(f"{result(0).to_json()}\n{line}\n")
