@@ -69,7 +69,7 @@ def test_every_file_is_installed(prefix):
         "package.xml",
         "launch/platoon.launch.py",
         "launch/platoon_hosts.launch.py",
-        *(f"config/{path.name}" for path in (ROOT / "config").iterdir()),
+        *(p.relative_to(ROOT).as_posix() for p in (ROOT / "config").rglob("*.yaml")),
     }
 
 
