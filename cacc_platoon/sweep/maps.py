@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from cacc_platoon.sweep.plan import Axis, Plan
+from cacc_platoon.sweep.axes import Axis
+from cacc_platoon.sweep.plan import Plan
 from cacc_platoon.sweep.rows import RowResult
 
 

@@ -8,7 +8,8 @@ import pytest
 from cacc_platoon.design import Requirements, paper_design, recommend
 from cacc_platoon.errors import UserError
 from cacc_platoon.scenario import Scenario
-from cacc_platoon.sweep.plan import MOST_ROWS, load_plan, parse_plan
+from cacc_platoon.sweep.plan import load_plan, parse_plan
+from cacc_platoon.sweep.reading import MOST_ROWS
 
 ROOT = Path(__file__).parents[2]
 HEADWAY, RHO = "controller.time_headway", "v2v.rho"
@@ -37,6 +38,8 @@ def test_ranges_are_what_people_would_write():
     decades = {"from": 1e-3, "to": 10, "count": 5, "scale": "log"}
     plan = plan_of(matrix={"controller.k_p": decades})
     assert [one["controller.k_p"] for one in settings_of(plan)] == [1e-3, 1e-2, 0.1, 1.0, 10.0]
+    plan = plan_of(matrix={"platoon.followers": {"from": 2, "to": 8, "count": 4}})
+    assert [one["platoon.followers"] for one in settings_of(plan)] == [2, 4, 6, 8]
     plan = plan_of(seeds={"from": 5, "count": 3})
     assert [one["run.seed"] for one in settings_of(plan)] == [5, 6, 7]
 
