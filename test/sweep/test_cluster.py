@@ -107,26 +107,15 @@ def wait_rows(study: Path, number: int) -> None:
         assert time.monotonic() < deadline, rows_of(study)
 
 
-def test_the_table_is_the_same_from_four_workers(
-    cluster: Cluster, sweep: Callable[[], subprocess.Popen[str]], table: bytes, tmp_path: Path
-) -> None:
-    cluster.scheduler()
-    for _ in range(4):
-        cluster.worker()
-    out, err = sweep().communicate(timeout=PATIENCE)
-    assert (err, f"{ROWS} rows" in out) == ("", True)
-    assert (tmp_path / "study" / "table.csv").read_bytes() == table
-
-
 def test_a_worker_that_is_killed_and_a_scheduler_that_is_started_again_lose_nothing(
     cluster: Cluster, sweep: Callable[[], subprocess.Popen[str]], table: bytes, tmp_path: Path
 ) -> None:
     study = tmp_path / "study"
-    scheduler, first = cluster.scheduler(), cluster.worker()
+    scheduler = cluster.scheduler()
+    first, *_ = [cluster.worker() for _ in range(4)]
     process = sweep()
     wait_rows(study, 2)
     first.kill()
-    cluster.worker()
     wait_rows(study, 6)
     scheduler.kill()
     scheduler.wait()
