@@ -209,7 +209,7 @@ def _drawn(one: Map) -> str:
     if one.over:
         shown += f"\n(mean over {', '.join(one.over)})"
     places = [sorted(axis.places) for axis in one.axes]
-    names = [axis.name for axis in one.axes]
+    names = [axis.title for axis in one.axes]
 
     def draw(axes: Axes) -> None:
         if len(places) == 1:

@@ -52,6 +52,12 @@ class Axis(NamedTuple):
         return numbers and len(set(labels)) > 1
 
     @property
+    def title(self) -> str:
+        """Its name with its unit, where that is known."""
+        unit = TABLE[self.name].unit if self.name in TABLE else ""
+        return f"{self.name} [{unit}]" if unit else self.name
+
+    @property
     def places(self) -> npt.NDArray[np.float64]:
         """The numbers of a numeric axis, shape (n,)."""
         return np.array([choice.label for choice in self.choices], dtype=float)

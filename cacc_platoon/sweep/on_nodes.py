@@ -13,7 +13,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from cacc_platoon.errors import UserError
-from cacc_platoon.runs.info import EndStatus, RunInfo
+from cacc_platoon.runs.info import EndStatus, InfoError, RunInfo
 from cacc_platoon.scenario import Scenario
 from cacc_platoon.scenario.file import format_scenario
 from cacc_platoon.texts import TextError, read_json
@@ -107,7 +107,10 @@ def _wait_end(run: Path) -> None:
 
 
 def _goes_on(run: Path) -> bool:
-    info = RunInfo.read(run) if run.is_dir() else None
+    try:
+        info = RunInfo.read(run) if run.is_dir() else None
+    except (InfoError, UserError):  # damaged: nothing says that it goes on
+        return False
     if info is None or info.status is not EndStatus.RUNNING or not info.pid:
         return False
     return Path(f"/proc/{info.pid}/exe").exists()

@@ -32,7 +32,7 @@ def test_places_are_in_order_and_what_is_unknown_is_not_drawn():
     met, gap = maps(PLAN, rows)  # the loss is the same everywhere
     assert (met.name, gap.name) == ("min_gap > 40", "min_gap")
     assert gap.over == ("run.seed",)
-    assert [axis.name for axis in gap.axes] == ["v2v.rho", "controller.time_headway"]
+    assert [axis.title for axis in gap.axes] == ["v2v.rho [-]", "controller.time_headway [s]"]
     expected = [[np.nan, 32.5], [52.4, 52.5], [102.4, 102.5]]
     np.testing.assert_allclose(gap.values, expected)
     np.testing.assert_array_equal(met.values, [[np.nan, 0.0], [1.0, 1.0], [1.0, 1.0]])

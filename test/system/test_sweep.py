@@ -7,6 +7,7 @@ import json
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 from cacc_platoon.cli import main
@@ -18,6 +19,11 @@ settings: {run.duration: 12.0, platoon.followers: 2, run.hosts: 1}
 matrix: {v2v.loss: [0.0, 0.3], leader.profile: [sine, csv]}
 criteria: [string_stable, min_gap > 20]
 """
+
+
+SLOW = (
+    "settings: {run.duration: 60.0, platoon.followers: 1, run.real_time_factor: 1.0}\nseeds: [1]\n"
+)
 
 
 def table_of(folder: Path) -> list[dict[str, str]]:
@@ -50,3 +56,29 @@ def test_rows_on_nodes_are_those_of_the_simulation(tmp_path: Path) -> None:
     info = RunInfo.read(study / "runs" / "0")
     assert info is not None
     assert info.status is EndStatus.FINISHED
+
+
+def test_a_run_ends_with_its_study(tmp_path: Path) -> None:
+    (tmp_path / "plan.yaml").write_text(SLOW)
+    run = tmp_path / "study" / "runs" / "0"
+    command = [sys.executable, "-m", "cacc_platoon", "sweep", str(tmp_path / "plan.yaml")]
+    with own_domain() as domain:
+        process = subprocess.Popen(
+            [*command, "--backend", "run", "-o", str(tmp_path / "study")],
+            env=os.environ | {"ROS_DOMAIN_ID": f"{domain}"},
+            stderr=subprocess.DEVNULL,
+        )
+        assert became(run, EndStatus.RUNNING)
+        process.kill()
+        process.wait()
+        assert became(run, EndStatus.INTERRUPTED)
+
+
+def became(run: Path, status: EndStatus) -> bool:
+    """Wait until a run says that it is in a state; return whether it does in time."""
+    deadline = time.monotonic() + 60.0
+    while time.monotonic() < deadline:
+        info = RunInfo.read(run) if run.is_dir() else None
+        if info and info.status is status:
+            return True
+    return False
